@@ -1,0 +1,199 @@
+"""The certificate of a regional claim: a terminal ellipsoid, from which the exact walk is repeated when asked."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+
+import numpy as np
+
+from . import exact
+from .activations.stack import lipschitz
+from .arrays import Array, number, symmetric
+from .certificate import Certificate, Proof
+from .claims.regional import Regional
+from .errors import DimensionError, InvalidInputError
+from .inc import INC
+from .loop import close_loop
+from .pieces.laws import PiecewiseLoop
+from .pieces.terminal import TerminalSet, find, in_fractions, refusal, with_ellipsoid
+from .pieces.walk import Budget, Walk, walk
+from .plant import Plant
+
+ROUNDING = 1e-9
+LIMIT_TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class RegionalCertificate(Certificate):
+    """A regional claim proved by following simplices until all of them lie in an ellipsoid around the equilibrium.
+
+    plant, inc, claim: what it speaks about; P (n, n) and level: the ellipsoid {e'P e <= level} around the
+    equilibrium, or None when none was found; budget: what a walk may use; note: how it was found, or why it was not.
+
+    The walk itself is not stored: it is done again from these numbers, in floats for `holds` and in Fractions for
+    `prove`.
+    """
+
+    plant: Plant
+    inc: INC
+    claim: Regional
+    P: Array | None
+    level: float
+    budget: Budget = Budget()
+    note: str = ""
+
+    def __post_init__(self) -> None:
+        close_loop(self.plant, self.inc)
+        if not isinstance(self.claim, Regional):
+            raise InvalidInputError(f"claim is {self.claim!r}, but a regional certificate needs a Regional claim")
+        self.claim.check(self.plant)
+        if self.P is not None:
+            object.__setattr__(self, "P", symmetric("P", self.P, self.plant.n))
+        object.__setattr__(self, "level", number("level", self.level, 0.0))
+
+    @cached_property
+    def walk(self) -> Walk | None:
+        """The walk in floats, or None without a terminal set."""
+        loop, terminal = self._setting
+        return None if terminal is None else walk(loop, self.claim, terminal, self.budget)
+
+    @property
+    def expected(self) -> float:
+        """The expected discounted cost, equal to it up to rounding; NaN when the walk did not end."""
+        return float(self.walk.done.expected_cost()) if self.walk and self.walk.complete else np.nan
+
+    @property
+    def worst(self) -> tuple[float, Array]:
+        """The largest discounted cost over the initial set, and a starting point that attains it; NaN when unknown."""
+        if self.walk is None or not self.walk.complete:
+            return np.nan, np.full(self.plant.n, np.nan)
+        value, point = self.walk.done.worst_cost()
+        return float(value), point
+
+    @property
+    def bound(self) -> float:
+        """The expected discounted cost rounded up by 1e-9 of its size; infinite when unknown."""
+        return self.expected * (1 + ROUNDING) if np.isfinite(self.expected) else np.inf
+
+    def margins(self) -> dict[str, float]:
+        """Return the distance from failing of each part; positive is good, for "inputs" zero is enough.
+
+        "well-posed": 1 - contraction rate; "followed": probability of the starting points that were followed into the
+        terminal set, less what one such point must be, so 0 when all were; "inputs": the smallest h - H u.
+        """
+        margins = {"well-posed": 1.0 - self.inc.well_posedness().rate}
+        if self.walk is None:
+            return margins | {"followed": -1.0}
+        margins["followed"] = 0.0 if self.walk.complete else -float(self.walk.left.weight.sum())
+        if self.claim.inputs is not None:
+            margins["inputs"] = float(self.walk.slack)  # type: ignore[arg-type]
+        return margins
+
+    @property
+    def reason(self) -> str:
+        """Why the certificate does not hold; empty when it does."""
+        trouble = self._structure()
+        if trouble:
+            return trouble
+        loop, terminal = self._setting
+        if terminal is None or self.walk is None:
+            return self.note or "no terminal set is stored"
+        trouble = refusal(loop, self.claim, terminal)
+        if trouble:
+            return trouble
+        return self._walk_trouble(self.walk, LIMIT_TOLERANCE * self._input_size())
+
+    @property
+    def sentence(self) -> str:
+        """What is proved, in one sentence, or that nothing is."""
+        if self.reason:
+            return f"Not certified: {self.reason}."
+        loop, terminal = self._setting
+        assert terminal is not None
+        rest = np.array2string(np.round(terminal.x, 9) + 0.0, precision=6)
+        limits = "" if self.claim.inputs is None else "every input stays within its limits, "
+        return (f"From every starting point of the initial set {limits}the motion converges to x* = {rest}, and the "
+                f"discounted cost (discount {self.claim.discount:g}) is at most {self.bound:.8g} in expectation and at "
+                f"most {self.worst[0] * (1 + ROUNDING):.8g} from any point.")
+
+    def prove(self) -> Proof:
+        """Repeat the walk in exact fractions: terminal set, limits, convergence and both cost bounds, no float in it."""
+        start = time.perf_counter()
+        trouble = self._structure() or self._exact_trouble()
+        return Proof(not trouble, "exact fractions over all pieces", time.perf_counter() - start, trouble)
+
+    @cached_property
+    def _law(self) -> INC:
+        """The controller without units that no output depends on: the same law, with fewer kinks to cut at."""
+        return self.inc.without_idle_units()
+
+    @cached_property
+    def _setting(self) -> tuple[PiecewiseLoop, TerminalSet | None]:
+        loop = PiecewiseLoop(self.plant, self._law)
+        return loop, None if self.P is None else with_ellipsoid(loop, self.claim, self.P, self.level)
+
+    def _structure(self) -> str:
+        for i, unit in enumerate(self._law.activations):
+            if unit.pieces is None:
+                return f"hidden unit {i} has activation {unit}, which is not piecewise affine: exact pieces do not apply"
+        if not self.plant.discrete:
+            return "exact pieces walk in discrete time: sample the plant first, plant.sampled(dt)"
+        test = self.inc.well_posedness()
+        if not test.holds:
+            return f"the controller is not proved well posed: {test.test}"
+        return ""
+
+    def _exact_trouble(self) -> str:
+        if not exact.contracts(lipschitz(self.inc.activations), self.inc.W, self.inc.well_posedness().weights):
+            return f"the controller is not proved well posed: {self.inc.well_posedness().test}"
+        _, found = self._setting
+        if found is None:
+            return self.note or "no terminal set is stored"
+        loop = PiecewiseLoop(self.plant, self._law, rational=True)
+        terminal = in_fractions(loop, self.claim, found)
+        trouble = refusal(loop, self.claim, terminal)
+        if trouble:
+            return trouble
+        steps = walk(loop, self.claim, terminal, self.budget)
+        trouble = self._walk_trouble(steps, 0.0)
+        if trouble:
+            return trouble
+        if steps.done.expected_cost() > Fraction(self.bound):
+            return f"the expected cost exceeds the bound {self.bound:.10g} in exact arithmetic"
+        if steps.done.worst_cost()[0] > Fraction(self.worst[0] * (1 + ROUNDING)):
+            return f"the worst cost exceeds {self.worst[0]:.10g} in exact arithmetic"
+        return ""
+
+    def _walk_trouble(self, steps: Walk, tolerance: float) -> str:
+        if not steps.complete:
+            return (f"the walk ended before all starting points arrived ({steps.ended}); a share of "
+                    f"{float(steps.done.weight.sum()):.4g} of them did")
+        if steps.slack < -tolerance:  # type: ignore[operator]
+            return f"an input exceeds its limit by {-float(steps.slack):.3g}"  # type: ignore[arg-type]
+        return ""
+
+    def _input_size(self) -> float:
+        return 1.0 if self.claim.inputs is None else max(1.0, float(np.max(np.abs(self.claim.inputs.h))))
+
+
+def certify_region(plant: Plant, inc: INC, claim: Regional, budget: Budget | None = None) -> RegionalCertificate:
+    """Return the regional certificate of a loop: a terminal ellipsoid is computed, the walk decides.
+
+    Raises DimensionError when claim, plant and controller do not fit; anything else that stands in the way is the
+    certificate's `reason`.
+    """
+    close_loop(plant, inc)
+    if claim.Q.shape[0] != plant.n:
+        raise DimensionError(f"Q is {claim.Q.shape[0]} x {claim.Q.shape[0]}, but the plant has {plant.n} states")
+    budget = budget or Budget()
+    bare = RegionalCertificate(plant, inc, claim, None, 0.0, budget)
+    trouble = bare._structure()
+    if trouble:
+        return RegionalCertificate(plant, inc, claim, None, 0.0, budget, trouble)
+    terminal, why = find(PiecewiseLoop(plant, bare._law), claim)
+    if terminal is None:
+        return RegionalCertificate(plant, inc, claim, None, 0.0, budget, why)
+    return RegionalCertificate(plant, inc, claim, terminal.P, float(terminal.level), budget)  # type: ignore[arg-type]
