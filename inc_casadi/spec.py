@@ -16,7 +16,7 @@ class Spec:
     """The specification of a control problem, read by claims, bounds and `synthesize`.
 
     Minimize J = E sum_k discount^k (x_k'Q x_k + u_k'R u_k) over the distribution of x_0, with u_k in `inputs` at all
-    times. How to search is not part of it.
+    times (the cost of thm:performance). How to search is not part of it.
 
     Parameters
     ----------

@@ -17,6 +17,7 @@ LP_TOL = 1e-10  # feasibility tolerance asked of HiGHS, in the frame
 FLAT_TOL = 1e-8  # an inscribed ball below this radius, in the frame, is no interior
 MERGE_TOL = 1e-9  # vertices closer than this, in the frame, are one vertex
 ROUNDING = 1e-14  # an inner slack below this fraction of the numbers it is the difference of is rounding, not interior
+FILL_TOL = 1e-7  # how far, in the frame, a facet of the hull of the vertices may lie from its half-space
 PASSES = 8  # each pass shrinks the frame by up to 1e9: enough for every polytope that doubles can describe
 
 
@@ -60,34 +61,68 @@ def frame(H: Array, h: Array) -> Frame:
 def vertices(view: Frame) -> Array:
     """Return the vertices (n, N) of the polytope of a frame, each once.
 
-    Qhull finds which half-spaces meet in a vertex; the vertex is then solved for from those, to rounding.
+    Qhull finds them, a Newton step makes them exact to rounding, and their hull is checked to be the whole polytope.
+
+    Raises
+    ------
+    SolverError : Qhull fails, or what it finds is not the whole polytope
 
     >>> view = frame(np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, -1.0]]), np.array([1.0, 1.0, 0.0]))
     >>> sorted(vertices(view).T.round(9).tolist())
     [[-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]]
     """
-    from scipy.spatial import HalfspaceIntersection, QhullError, cKDTree
+    from scipy.spatial import HalfspaceIntersection, QhullError
 
+    halfspaces = np.column_stack([view.G, -view.g])
+    # When many half-spaces meet in a vertex, rounding can confuse Qhull: Q12 then lets it go on, and the check decides.
+    for options in (None, "Qx Q12" if view.G.shape[1] > 4 else "Q12"):
+        try:
+            z = HalfspaceIntersection(halfspaces, view.inner, qhull_options=options).intersections
+        except QhullError:
+            continue
+        if np.all(np.isfinite(z)):
+            z = _polished(view, z[distinct(z)])
+            z = z[distinct(z)]
+            if _fills(view, z):
+                return view.origin[:, None] + view.widths[:, None] * z.T
+    count, n = view.G.shape
+    raise SolverError(f"Qhull did not find the vertices of a polytope of {count} half-spaces in R^{n}: leave out "
+                      "redundant half-spaces, or use Polytope.from_vertices")
+
+
+def distinct(points: Array) -> np.ndarray:
+    """Return a mask (N,) that keeps one of all rows (N, n) closer than the merging tolerance.
+
+    >>> distinct(np.array([[0.0], [1.0], [1e-12]])).tolist()
+    [True, True, False]
+    """
+    from scipy.spatial import cKDTree
+
+    keep = np.ones(len(points), dtype=bool)
+    keep[cKDTree(points).query_pairs(MERGE_TOL, output_type="ndarray")[:, 1]] = False
+    return keep
+
+
+def _polished(view: Frame, z: Array) -> Array:
+    # One Newton step onto the half-spaces that meet in each vertex, by least squares when they are more than n.
+    slack = view.g - z @ view.G.T
+    slack_of_active = np.where(np.abs(slack) <= MERGE_TOL, slack, 0.0)
+    active = (np.abs(slack) <= MERGE_TOL).astype(float)
+    normal = np.einsum("vk,ki,kj->vij", active, view.G, view.G)
+    return z + (np.linalg.pinv(normal, hermitian=True) @ (slack_of_active @ view.G)[:, :, None])[:, :, 0]
+
+
+def _fills(view: Frame, z: Array) -> bool:
+    # The hull of points of the polytope is all of it when each facet of the hull lies on one of the half-spaces.
+    from scipy.spatial import ConvexHull, QhullError
+
+    slack = view.g - z @ view.G.T
     try:
-        found = HalfspaceIntersection(np.column_stack([view.G, -view.g]), view.inner)
-    except QhullError as error:
-        raise SolverError(f"Qhull did not find the vertices of a polytope of {len(view.g)} half-spaces") from error
-    z = _polished(view, [np.asarray(facet) for facet in found.dual_facets])
-    pairs = cKDTree(z).query_pairs(MERGE_TOL, output_type="ndarray")
-    keep = np.ones(len(z), dtype=bool)
-    keep[pairs[:, 1]] = False
-    return view.origin[:, None] + view.widths[:, None] * z[keep].T
-
-
-def _polished(view: Frame, facets: list[np.ndarray]) -> Array:
-    lengths = np.array([len(facet) for facet in facets])
-    z = np.empty((len(facets), view.G.shape[1]))
-    for length in np.unique(lengths):
-        chosen = np.flatnonzero(lengths == length)
-        rows = np.stack([facets[i] for i in chosen])
-        inverse = np.linalg.inv if length == z.shape[1] else np.linalg.pinv
-        z[chosen] = (inverse(view.G[rows]) @ view.g[rows][:, :, None])[:, :, 0]
-    return z
+        facets = ConvexHull(z).simplices
+    except QhullError:
+        return False
+    on_one = np.any(np.all((np.abs(slack) <= FILL_TOL)[facets], axis=1), axis=1)
+    return bool(np.all(slack >= -FILL_TOL) and np.all(on_one))
 
 
 def _equilibrated(H: Array) -> tuple[Array, Array]:
@@ -166,5 +201,5 @@ def _maximum(direction: Array, G: Array, g: Array, bound: float | None = None) -
 
 
 def _flat() -> str:
-    return ("the polytope has no interior: its half-spaces leave at most a flat set; a set must be full-dimensional, "
-            "so describe it in fewer coordinates or widen it")
+    return ("the polytope has no interior to rounding: its half-spaces leave at most a flat set; a set must be "
+            "full-dimensional, so describe it in fewer coordinates or widen it")

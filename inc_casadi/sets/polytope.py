@@ -200,9 +200,5 @@ def _hull(points: Array) -> tuple[Array, Array, np.ndarray]:
 
 def _distinct(equations: Array) -> tuple[Array, Array]:
     # Qhull lists a facet once for each simplex it is cut into: merge rows (normal, -offset) that agree to rounding.
-    from scipy.spatial import cKDTree
-
-    pairs = cKDTree(equations).query_pairs(halfspaces.MERGE_TOL, output_type="ndarray")
-    keep = np.ones(len(equations), dtype=bool)
-    keep[pairs[:, 1]] = False
+    keep = halfspaces.distinct(equations)
     return equations[keep, :-1], -equations[keep, -1]
