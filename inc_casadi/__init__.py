@@ -4,42 +4,22 @@ eta = phi(W eta + U y + b), u = K y + V eta + d. Importing this package loads Nu
 that need them.
 """
 
-from __future__ import annotations
-
-from importlib import import_module
-from typing import Any
-
-from . import errors
+from . import bounds, errors
 from .activations import CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh
+from .certificate import Certificate
+from .certify import certify
+from .claims import DiscountedCost, Regional, Stability
 from .errors import INCError
 from .inc import INC
+from .interchange import load, save
 from .loop import close_loop, equilibrium
 from .plant import Plant
 from .sets import Box, Ellipsoid, Empirical, Gaussian, Polytope, Uniform
 from .simulate import simulate
 from .spec import Spec
 
-_LATER = {
-    "certify": "certify", "Certificate": "certificate", "Stability": "claims", "DiscountedCost": "claims",
-    "Regional": "claims", "load": "interchange", "save": "interchange",
-}
-
 __all__ = [
     "Box", "CenteredLogistic", "Certificate", "DiscountedCost", "Ellipsoid", "Empirical", "Gaussian", "INC", "INCError",
     "Identity", "LeakyReLU", "Logistic", "Plant", "Polytope", "ReLU", "Regional", "Saturation", "Spec", "Stability",
     "Tanh", "Uniform", "bounds", "certify", "close_loop", "equilibrium", "errors", "load", "save", "simulate",
 ]
-
-
-def __getattr__(name: str) -> Any:
-    if name == "bounds":
-        return import_module(".bounds", __name__)
-    if name in _LATER:
-        value = getattr(import_module(f".{_LATER[name]}", __name__), name)
-        globals()[name] = value
-        return value
-    raise AttributeError(f"module 'inc_casadi' has no attribute {name!r}")
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)

@@ -1,0 +1,106 @@
+"""Global exponential stability, in discrete and in continuous time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..arrays import number
+from ..errors import InvalidInputError
+from ..inc import INC
+from ..loop import ClosedLoop
+from ..multipliers.base import Unknown, constant
+from ..plant import Plant
+from .base import Claim
+
+
+@dataclass(frozen=True, eq=False)
+class Stability(Claim):
+    """The equilibrium is globally exponentially stable, at a rate. Sufficient, not necessary.
+
+    With V(x) = x'P x, P > 0, along every motion:
+
+    * discrete time (thm:dt_stability): rho^2 X'PX - F'PF - M > 0 gives V(x_k) <= rho^(2k) V(x_0), rate = rho in [0, 1);
+    * continuous time (thm:ct_stability): -He(X'P Fc) - alpha X'PX - M > 0 gives V(x(t)) <= exp(-alpha t) V(x(0)),
+      rate = alpha > 0 in 1/s.
+
+    The proof: s'(...)s > 0 and s'M s >= 0 on the graph of the activation leave V(x+) <= rho^2 V(x), or
+    dV/dt <= -alpha V; thm:wellposed makes the motions exist.
+    rate None: at some rate that is not named (rho = 1 or alpha = 0 with the strict inequality; by continuity it
+    then holds with some rho < 1 or alpha > 0). `certify` replaces it by the best rate that it finds.
+
+    A biased controller (thm:incremental_certificate): x, eta are then differences of two motions and M holds by slopes,
+    so any two motions approach each other in the norm of P: one step (or the flow over one second) is a contraction of
+    R^n, and by Banach's fixed-point theorem there is exactly one equilibrium x*. The statement holds about x*.
+
+    Raises InvalidInputError for a rate that is negative or not finite; `check` for one that does not fit the plant.
+
+    >>> Stability(rate=0.9).rate
+    0.9
+    """
+
+    rate: float | None = None
+
+    def __post_init__(self) -> None:
+        if self.rate is not None:
+            object.__setattr__(self, "rate", number("rate", self.rate, 0.0))
+
+    def check(self, plant: Plant, inc: INC) -> None:
+        """Raise InvalidInputError for rho >= 1 in discrete time or alpha <= 0 in continuous time."""
+        if self.rate is None:
+            return
+        if plant.discrete and self.rate >= 1.0:
+            raise InvalidInputError(f"rate = {self.rate:g} is outside [0, 1): in discrete time V shrinks by rate^2 in "
+                                    "every step")
+        if not plant.discrete and self.rate <= 0.0:
+            raise InvalidInputError(f"rate = {self.rate:g} must be positive: in continuous time V decays as "
+                                    "exp(-rate t)")
+
+    def unknowns(self, loop: ClosedLoop) -> tuple[Unknown, ...]:
+        """Return P, symmetric (n, n)."""
+        return (Unknown("P", (loop.n, loop.n), "symmetric"),)
+
+    def conditions(self, loop: ClosedLoop, values: Mapping[str, Any], M: Any) -> dict[str, Any]:
+        """Return P (n, n) and the decrease (n+q, n+q)."""
+        P, F, X = values["P"], loop.F, loop.X
+        if loop.plant.discrete:
+            rho = constant(loop, 1.0 if self.rate is None else self.rate)
+            decrease = (rho * rho) * (X.T @ P @ X) - F.T @ P @ F - M
+        else:
+            alpha = constant(loop, 0.0 if self.rate is None else self.rate)
+            flow = X.T @ P @ F
+            decrease = -(flow + flow.T) - alpha * (X.T @ P @ X) - M
+        return {"P": P, "decrease": decrease}
+
+    def objective(self, loop: ClosedLoop, values: Mapping[str, Any]) -> None:
+        """Return None: any P will do."""
+        return None
+
+    def bound(self, loop: ClosedLoop, values: Mapping[str, Any]) -> float:
+        """Return rho, or alpha in 1/s; 1 or 0 when no rate is named."""
+        if self.rate is None:
+            return 1.0 if loop.plant.discrete else 0.0
+        return self.rate
+
+    def merit(self, loop: ClosedLoop, values: Mapping[str, Any]) -> float:
+        """Return 1 - rho, or alpha: the faster the stronger."""
+        rate = self.bound(loop, values)
+        return 1.0 - rate if loop.plant.discrete else rate
+
+    @property
+    def yes_or_no(self) -> bool:
+        """Whether a rate was asked for."""
+        return self.rate is not None
+
+    def sentence(self, loop: ClosedLoop, values: Mapping[str, Any]) -> str:
+        """Return the promise with its rate."""
+        about = "the origin" if loop.inc.preserves_origin else "its only equilibrium x*"
+        if self.rate is None:
+            speed = "the distance falls to zero at a rate that is not named"
+        elif loop.plant.discrete:
+            speed = f"(x - x*)'P (x - x*) shrinks at least by the factor {self.rate:.6g}^2 in every step"
+        else:
+            speed = f"(x - x*)'P (x - x*) decays at least as exp(-{self.rate:.6g} t), t in seconds"
+        speed = speed.replace("(x - x*)", "x") if loop.inc.preserves_origin else speed
+        return f"The loop is globally exponentially stable about {about}: from every initial state, {speed}."

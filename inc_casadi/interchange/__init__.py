@@ -1,0 +1,5 @@
+"""In and out: nouns, claims and certificates as JSON files."""
+
+from .files import load, save
+
+__all__ = ["load", "save"]

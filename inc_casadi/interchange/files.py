@@ -1,0 +1,128 @@
+"""Save what the toolbox knows to JSON and read it back, re-validated by the constructors.
+
+A file is {"format": "inc_casadi", "version": 1, "kind": ..., "data": {field: value}}. Numbers are written with `repr`,
+so every double comes back bit for bit, and a certificate proves tomorrow what it proved today.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..activations import CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh
+from ..certificate import MatrixCertificate
+from ..claims import DiscountedCost, Regional, Stability
+from ..errors import FormatError, INCError
+from ..inc import INC
+from ..multipliers import Relu, Sector
+from ..pieces.walk import Budget
+from ..plant import Plant
+from ..regional_certificate import RegionalCertificate
+from ..sets import Box, Ellipsoid, Empirical, Gaussian, Polytope, Uniform
+from ..spec import Spec
+
+FORMAT, VERSION = "inc_casadi", 1
+
+KINDS: tuple[type, ...] = (
+    Plant, INC, Spec, Box, Polytope, Ellipsoid, Uniform, Gaussian, Empirical, Stability, DiscountedCost, Regional,
+    Sector, Relu, MatrixCertificate, RegionalCertificate, Budget, CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh,
+)
+"""The dataclasses that a file may hold, each written field by field under its class's name; add a class to save it."""
+
+
+def save(noun: Any, path: str | Path) -> None:
+    """Write a noun, a claim or a certificate, or a mapping from names to such, to a JSON file.
+
+    Raises FormatError for an object, or a part of one, that is not of a kind in `KINDS`.
+
+    >>> import tempfile
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save(Plant([[0.1]], [[1.0]]), Path(folder) / "plant.json")
+    ...     load(Path(folder) / "plant.json").A.tolist()
+    [[0.1]]
+    """
+    if type(noun) not in KINDS and not isinstance(noun, Mapping):
+        known = ", ".join(kind.__name__ for kind in KINDS)
+        raise FormatError(f"{type(noun).__name__} cannot be saved: it is not one of {known}")
+    text = json.dumps({"format": FORMAT, "version": VERSION, **_encoded(noun)}, indent=1, allow_nan=False)
+    Path(path).write_text(text + "\n", encoding="utf-8")
+
+
+def load(path: str | Path) -> Any:
+    """Return what `save` wrote.
+
+    Raises FormatError when the file is not such a file, is of another version, has missing or unknown entries, or holds
+    values that the constructor refuses; OSError when it cannot be read.
+    """
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
+    except ValueError as error:
+        raise FormatError(f"{path} is not a JSON file of this toolbox: {error}") from error
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
+        raise FormatError(f"{path} is not a file of this toolbox: its format is not {FORMAT!r}")
+    if content.get("version") != VERSION or isinstance(content.get("version"), bool):
+        raise FormatError(f"{path} has version {content.get('version')!r}, but this toolbox reads version {VERSION}")
+    return _decoded({key: value for key, value in content.items() if key not in ("format", "version")}, str(path))
+
+
+def _encoded(value: Any) -> Any:
+    if value is None or isinstance(value, bool | str):
+        return value
+    if isinstance(value, np.ndarray):
+        return {"array": [_encoded(entry) for entry in value.ravel().tolist()], "shape": list(value.shape)}
+    if isinstance(value, int | float | np.number):
+        return value.item() if isinstance(value, np.number) else value
+    if isinstance(value, tuple | list):
+        return [_encoded(entry) for entry in value]
+    if isinstance(value, Mapping):
+        return {"map": {str(key): _encoded(entry) for key, entry in value.items()}}
+    if type(value) in KINDS:
+        data = {field.name: _encoded(getattr(value, field.name)) for field in fields(value) if field.init}
+        return {"kind": type(value).__name__, "data": data}
+    raise FormatError(f"{type(value).__name__} cannot be saved")
+
+
+def _decoded(value: Any, where: str) -> Any:
+    if value is None or isinstance(value, bool | str | int | float):
+        return value
+    if isinstance(value, list):
+        return tuple(_decoded(entry, where) for entry in value)
+    if set(value) == {"array", "shape"}:
+        return _array(value["array"], value["shape"], where)
+    if set(value) == {"map"} and isinstance(value["map"], dict):
+        return {key: _decoded(entry, f"{where}: {key}") for key, entry in value["map"].items()}
+    if set(value) == {"kind", "data"} and isinstance(value["data"], dict):
+        return _noun(value["kind"], value["data"], where)
+    raise FormatError(f"{where} holds an entry with the keys [{', '.join(sorted(value))}], which no value has")
+
+
+def _array(entries: Any, shape: Any, where: str) -> np.ndarray:
+    numbers = isinstance(entries, list) and all(type(entry) in (int, float) for entry in entries)
+    sizes = isinstance(shape, list) and all(type(size) is int and size >= 0 for size in shape)
+    if not (numbers and sizes and len(entries) == int(np.prod(shape, dtype=int))):
+        raise FormatError(f"{where} holds an array whose entries are not numbers or do not fill its shape {shape}")
+    return np.array(entries, dtype=float).reshape(shape)
+
+
+def _noun(kind: Any, data: dict[str, Any], where: str) -> Any:
+    found = [known for known in KINDS if known.__name__ == kind]
+    if not found:
+        raise FormatError(f"{where} holds a {kind!r}, which this version does not know")
+    wanted = {field.name for field in fields(found[0]) if field.init}
+    if wanted != set(data):
+        missing, extra = sorted(wanted - set(data)), sorted(set(data) - wanted)
+        raise FormatError(f"{where}: {kind} lacks {missing} and has {extra} that it should not")
+    parts = {name: _decoded(value, f"{where}: {name}") for name, value in data.items()}
+    try:
+        return found[0](**parts)
+    except (INCError, TypeError, AttributeError) as error:
+        raise FormatError(f"{where}: {kind} refuses its data: {error}") from error
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is not a finite number")
