@@ -1,0 +1,71 @@
+"""A lower bound on what a class of controllers costs, with the numbers that prove it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from math import isfinite
+
+from ..plant import Plant
+from ..spec import Spec
+
+
+@dataclass(frozen=True, eq=False)
+class Bound(ABC):
+    """The claim that every controller of a class costs at least `value` on `plant` under `spec`.
+
+    The value is that of a dual point which is feasible by construction, evaluated in NumPy and lowered by a rounding
+    allowance; no solver has to be trusted. `float(bound)` is the value.
+
+    Parameters
+    ----------
+    plant, spec : what the bound is about
+    value : the bound, in the units of the cost
+    seconds : wall time of finding it
+
+    Notes
+    -----
+    Weak duality: f(w) >= g(lambda) for each admissible w and each lambda >= 0. A poor lambda makes a bound low, never
+    wrong.
+    """
+
+    plant: Plant = field(repr=False)
+    spec: Spec = field(repr=False)
+    value: float
+    seconds: float
+
+    def __float__(self) -> float:
+        return self.value
+
+    def __str__(self) -> str:
+        return self.statement
+
+    @property
+    @abstractmethod
+    def statement(self) -> str:
+        """One sentence for an engineer: who costs at least what."""
+
+    @abstractmethod
+    def dual(self) -> tuple[float, float]:
+        """Return the weak-duality value recomputed from the stored numbers, and the rounding allowance (>= 0)."""
+
+    def holds(self) -> bool:
+        """Return whether the stored numbers prove the value: NumPy only, no solver.
+
+        Half of the allowance is left for machines that add up in another order.
+        """
+        value, allowance = self.dual()
+        return isfinite(self.value) and self.value <= value - allowance / 2
+
+
+def figure(value: float) -> str:
+    """Return a value for a sentence, rounded down at the seventh digit so that the sentence stays true.
+
+    >>> figure(2.11676399), figure(0.0), figure(-1.00000001)
+    ('2.116763', '0', '-1.000001')
+    """
+    if value == 0 or not isfinite(value):
+        return f"{value:g}"
+    from decimal import ROUND_FLOOR, Context
+
+    return f"{Context(prec=7, rounding=ROUND_FLOOR).create_decimal_from_float(value).normalize():f}"
