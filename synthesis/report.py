@@ -1,0 +1,74 @@
+"""The table that a control engineer reads."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .result import CERTIFIED, Result
+
+WIDTH = 34
+
+
+def table(result: Result) -> str:
+    """Return the result as lines of "what  figure": status, proofs, costs, bounds, the sentence that follows, times."""
+    rows: list[tuple[str, str]] = [("status", result.status.upper() if result.status == CERTIFIED else result.status)]
+    if result.chosen is not None and result.inc is not None:
+        rows.append(("controller", f"{result.chosen.name}: {result.inc.q} hidden units"))
+    verdict = result.chosen.verdict if result.chosen is not None else None
+    if verdict is not None:
+        rows += [("proved", words) for words in verdict.proofs]
+        if not verdict.accepted:
+            rows += [("not proved", words) for words in verdict.refusals]
+    rows += _costs(result) + _bounds(result)
+    rows += [("note", note) for note in result.notes]
+    rows.append(("time", ", ".join(f"{name} {value:.1f} s" for name, value in result.seconds.items())))
+    lines = [f"{name:<{WIDTH}}{value}" for name, value in _without_repeats(rows)]
+    sentence = verdict_sentence(result)
+    return "\n".join(lines + ([sentence] if sentence else []))
+
+
+def verdict_sentence(result: Result) -> str:
+    """Return the theorem-like sentence that certified cost and lower bounds give together, or nothing."""
+    if result.status != CERTIFIED or not result.bounds:
+        return ""
+    parts = []
+    linear = [bound for name, bound in result.bounds.items() if "linear" in name and bound.holds()]
+    if linear and max(map(float, linear)) > result.cost:
+        parts.append(f"every admissible finite-order linear controller costs at least {max(map(float, linear)):.6f}, "
+                     f"this one at most {result.cost:.6f}")
+    anyone = [bound for name, bound in result.bounds.items() if "any" in name and bound.holds()]
+    if anyone and float(anyone[0]) > 0:
+        gap = 100 * (result.cost / float(anyone[0]) - 1)
+        parts.append(f"no controller whatever costs less than {float(anyone[0]):.6f}, so this one is within "
+                     f"{gap:.2g} % of the best possible")
+    return ("Proved: " + "; ".join(parts) + ".") if parts else ""
+
+
+def _costs(result: Result) -> list[tuple[str, str]]:
+    rows = []
+    if np.isfinite(result.cost):
+        rows.append(("certified expected cost", f"{result.cost:.7f}"))
+    if np.isfinite(result.worst):
+        point = np.round(result.certificate.worst[1], 4).tolist()  # type: ignore[union-attr]
+        rows.append(("certified worst cost over the set", f"{result.worst:.5f}, from x0 = {point}"))
+    run = result.estimate
+    if run is not None:
+        words = (f"{run.mean:.4f} +- {run.standard_error:.4f} (standard error, {run.samples} samples)"
+                 if np.isfinite(run.mean) else f"diverges within {run.steps} steps")
+        rows.append(("simulated expected cost", words))
+    return rows
+
+
+def _bounds(result: Result) -> list[tuple[str, str]]:
+    rows = [(f"lower bound, {name}", f"{float(bound):.6f}" + ("" if bound.holds() else " (not confirmed)"))
+            for name, bound in result.bounds.items()]
+    return rows + [(f"{name} (found)", f"{value:.6f}") for name, value in result.linear.items()]
+
+
+def _without_repeats(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:
+    out: list[tuple[str, str]] = []
+    last = ""
+    for name, value in rows:
+        out.append(("" if name == last else name, value))
+        last = name
+    return out

@@ -1,0 +1,106 @@
+"""What `synthesize` returns: a controller, what is proved of it, and what the competitors cannot beat."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from inc_casadi import INC, Plant, Spec
+from inc_casadi.bounds import Bound
+from inc_casadi.certificate import Certificate
+from inc_casadi.regional_certificate import RegionalCertificate
+
+from .estimate import Estimate
+from .gate import Verdict
+
+CERTIFIED, EVIDENCE, FAILED = "certified", "simulation evidence", "failed"
+
+
+@dataclass(frozen=True, eq=False)
+class Attempt:
+    """One candidate: how it was made, the law, the gate's verdict, the simulation, the seconds it took.
+
+    training: (seconds, cost) as the training went, empty when nothing was trained.
+    """
+
+    name: str
+    inc: INC | None
+    verdict: Verdict | None
+    estimate: Estimate | None
+    seconds: float
+    note: str = ""
+    training: tuple[tuple[float, float], ...] = ()
+
+    @property
+    def certified(self) -> bool:
+        """Whether the gate accepted the candidate."""
+        return self.verdict is not None and self.verdict.accepted
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """The outcome of `synthesize`. `print(result)` shows the table of an engineer, `result.plot()` the pictures.
+
+    inc: the controller, None when every attempt failed; status: "certified", "simulation evidence" or "failed", and
+    nothing else is ever said; certificate: the one that holds, or None; estimate: the simulated cost; bounds: lower
+    bounds by name; linear: what the best linear competitors found cost; history: every attempt; notes: reasons
+    and interruptions; seconds: wall time by phase.
+    """
+
+    plant: Plant
+    spec: Spec
+    inc: INC | None
+    certificate: Certificate | None
+    estimate: Estimate | None
+    bounds: Mapping[str, Bound]
+    linear: Mapping[str, float]
+    history: tuple[Attempt, ...]
+    notes: tuple[str, ...]
+    seconds: Mapping[str, float]
+    chosen: Attempt | None = field(default=None, repr=False)
+
+    @property
+    def status(self) -> str:
+        """"certified" when a certificate holds, "simulation evidence" when only simulation speaks for it, else "failed"."""
+        if self.certificate is not None and self.certificate.holds():
+            return CERTIFIED
+        if self.estimate is not None and np.isfinite(self.estimate.mean) and self.estimate.excess <= 1e-9:
+            return EVIDENCE
+        return FAILED
+
+    @property
+    def cost(self) -> float:
+        """The certified expected cost; infinite when nothing is certified."""
+        return self.certificate.bound if self.status == CERTIFIED else np.inf  # type: ignore[union-attr]
+
+    @property
+    def worst(self) -> float:
+        """The certified largest cost over the initial set, NaN when no regional proof states one."""
+        if self.status == CERTIFIED and isinstance(self.certificate, RegionalCertificate):
+            return self.certificate.worst[0]
+        return np.nan
+
+    def require(self) -> Result:
+        """Return the result itself when it is certified; raises NotCertifiedError with the reasons otherwise."""
+        from inc_casadi.errors import NotCertifiedError
+        if self.status != CERTIFIED:
+            raise NotCertifiedError(f"status is {self.status!r}: " + ("; ".join(self.notes) or "nothing was proved"))
+        return self
+
+    def __str__(self) -> str:
+        from .report import table
+        return table(self)
+
+    def plot(self, path: str | Path | None = None) -> Any:
+        """Return a Matplotlib figure of trajectories, inputs, regions and bounds; written to `path` when given."""
+        from inc_casadi.plotting import plot_result
+        return plot_result(self, path)
+
+    def save(self, path: str | Path) -> None:
+        """Write plant, specification, controller and certificate to a JSON file; `load_result` reads it."""
+        from .storage import save_result
+        save_result(self, path)

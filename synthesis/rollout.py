@@ -1,0 +1,244 @@
+"""Roll a saturated INC loop out from many states at once, with the gradient and the sensitivities of its cost.
+
+Everything is batched over the N initial states and, behind the forward sweep, over the T steps too; the only loop is
+the one over time. Arrays are laid out as (T, N, size), points in rows, because batched linear algebra reads them so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from inc_casadi.activations import stack
+from inc_casadi.arrays import Array
+from inc_casadi.inc import INC
+
+TOLERANCE = 1e-11
+NEWTON_STEPS = 200
+
+
+class Parameters(NamedTuple):
+    """The matrices of an INC, or the gradient to them: W (q, q), U (q, p), V (m, q), K (m, p), b (q,), d (m,)."""
+
+    W: Array
+    U: Array
+    V: Array
+    K: Array
+    b: Array
+    d: Array
+
+    @classmethod
+    def of(cls, inc: INC) -> Parameters:
+        """Return the matrices of a controller."""
+        return cls(inc.W, inc.U, inc.V, inc.K, inc.b, inc.d)
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """What a rollout costs: the loop around the law, the cost, and the initial states with their weights.
+
+    x+ = A x + B u, y = C x, u = clip(v, lower, upper), v = K y + V eta + d, where `anchored` takes d = -V eta(y = 0), and
+
+        J = sum_i weights_i [ sum_{k < steps} discount^k (x_k'Q x_k + u_k'R u_k) + discount^steps x_T'terminal x_T ].
+
+    A (n, n), B (n, m), C (p, n), Q (n, n), R (m, m), terminal (n, n); nodes (n, N), weights (N,); lower, upper (m,),
+    infinite where the input is free; units: the activations of the hidden units; shrink < 1: a Newton step must
+    reduce the residual by this factor, else a Picard step is taken.
+    """
+
+    A: Array
+    B: Array
+    C: Array
+    Q: Array
+    R: Array
+    discount: float
+    terminal: Array
+    nodes: Array
+    weights: Array
+    steps: int
+    lower: Array
+    upper: Array
+    units: stack.Units
+    anchored: bool = True
+    shrink: float = 0.995
+
+    @property
+    def q(self) -> int:
+        """Number of hidden units."""
+        return len(self.units)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """One rollout: x (T+1, N, n), v and u (T, N, m), eta and slope (T, N, q), both at y = 0 (q,), and the cost J."""
+
+    x: Array
+    v: Array
+    u: Array
+    eta: Array
+    slope: Array
+    origin_eta: Array
+    origin_slope: Array
+    cost: float
+
+
+def roll(task: Task, law: Parameters, guess: Array | None = None) -> Motion:
+    """Return the motion of the loop from all nodes; the cost is infinite when a state or a fixed point is lost.
+
+    guess: eta (T, N, q) of a similar law, from which Newton starts; one step then mostly suffices.
+    """
+    T, N = task.steps, task.weights.size
+    x = np.empty((T + 1, N, task.A.shape[0]))
+    v, u = np.empty((2, T, N, task.B.shape[1]))
+    eta, slope = np.zeros((2, T, N, task.q))
+    x[0] = task.nodes.T
+    with np.errstate(over="ignore", invalid="ignore"):
+        origin_eta, origin_slope = hidden(task, law.W, law.b[None], np.zeros((1, task.q)))
+        offset = -(origin_eta[0] @ law.V.T) if task.anchored else law.d
+        for k in range(T):
+            y = x[k] @ task.C.T
+            eta[k], slope[k] = hidden(task, law.W, y @ law.U.T + law.b, eta[k] if guess is None else guess[k])
+            v[k] = y @ law.K.T + eta[k] @ law.V.T + offset
+            u[k] = np.clip(v[k], task.lower, task.upper)
+            x[k + 1] = x[k] @ task.A.T + u[k] @ task.B.T
+        cost = _cost(task, x, u)
+    return Motion(x, v, u, eta, slope, origin_eta[0], origin_slope[0], cost)
+
+
+def hidden(task: Task, W: Array, r: Array, eta: Array) -> tuple[Array, Array]:
+    """Return eta = phi(W eta + r) and phi' there for rows r (N, q), starting from eta; rows not found are NaN.
+
+    A semismooth Newton step stands in a row only where it shrinks the residual, else one Picard step replaces it: that
+    converges whenever ||W||_inf < shrink and no slope exceeds 1.
+    """
+    if task.q == 0:
+        return np.zeros_like(r), np.zeros_like(r)
+    scale = TOLERANCE * np.maximum(1.0, np.max(np.abs(r), axis=1))
+    identity = np.eye(task.q)
+    before = step = size_before = None
+    for _ in range(NEWTON_STEPS):
+        z = eta @ W.T + r
+        residual = stack.evaluate(task.units, z.T).T - eta
+        size = np.max(np.abs(residual), axis=1)
+        if size_before is not None:
+            grown = size > task.shrink * size_before
+            grown &= size > scale
+            if grown.any():
+                eta[grown] = before[grown] + step[grown]
+                z = eta @ W.T + r
+                residual = stack.evaluate(task.units, z.T).T - eta
+                size = np.max(np.abs(residual), axis=1)
+        slope = stack.derivative(task.units, z.T).T
+        if not np.any(size > scale):
+            break
+        before, step, size_before = eta, residual, size
+        eta = eta + np.linalg.solve(identity - slope[:, :, None] * W, residual[:, :, None])[:, :, 0]
+    lost = ~(size <= scale)
+    return np.where(lost[:, None], np.nan, eta), slope
+
+
+def gradient(task: Task, law: Parameters, motion: Motion) -> Parameters:
+    """Return dJ / d(parameters) by one sweep back through time and the adjoint fixed points (prop:implicit_gradients).
+
+    With D the slopes, v answers the hidden preactivation by S = V (I - D W)^{-1} D, so that dv/dy = K + S U. In an
+    anchored law d is no parameter: its gradient is zero, and y = 0 enters like one more sample of opposite sign.
+    """
+    T, N = task.steps, task.weights.size
+    S, free, gain = _linearized(task, law, motion)
+    weight = 2.0 * task.discount ** np.arange(T)[:, None, None] * task.weights[None, :, None]
+    from_u, from_x = weight * (motion.u @ task.R), weight * (motion.x[:T] @ task.Q)
+    costate = 2.0 * task.discount**T * task.weights[:, None] * (motion.x[T] @ task.terminal)
+    to_v = np.empty_like(motion.v)
+    for k in range(T - 1, -1, -1):
+        to_v[k] = (from_u[k] + costate @ task.B) * free[k]
+        costate = from_x[k] + costate @ task.A + np.einsum("im,imn->in", to_v[k], gain[k])
+    g, eta = to_v.reshape(T * N, -1), motion.eta.reshape(T * N, -1)
+    y = motion.x[:T].reshape(T * N, -1) @ task.C.T
+    to_r = np.einsum("kim,kimq->kiq", to_v, S).reshape(T * N, -1)
+    to = Parameters(to_r.T @ eta, to_r.T @ y, g.T @ eta, g.T @ y, to_r.sum(axis=0), g.sum(axis=0))
+    if not task.anchored:
+        return to
+    at_origin = -to.d @ sensitivity(law, motion.origin_slope[None])[0]
+    return to._replace(W=to.W + np.outer(at_origin, motion.origin_eta), V=to.V - np.outer(to.d, motion.origin_eta),
+                       b=to.b + at_origin, d=np.zeros_like(to.d))
+
+
+def gauss_newton(task: Task, law: Parameters, motion: Motion) -> Array:
+    """Return 2 sum_k discount^k E[X_k'Q X_k + U_k'R U_k] + (terminal), the positive semidefinite part of J's Hessian.
+
+    X_k, U_k are the sensitivities of state and input to all parameters in the order W, U, V, K, b, d, each row by row.
+    What is left out is the curvature of the motion itself, which is small where the cost is close to its minimum.
+    """
+    H: Array = np.zeros(())
+    for k, (X, U) in enumerate(_sensitivities(task, law, motion)):
+        weight = 2.0 * task.discount**k * task.weights[:, None, None]
+        size = X.shape[2]
+        H = H + (weight * X).reshape(-1, size).T @ ((task.Q if k < task.steps else task.terminal) @ X).reshape(-1, size)
+        if U is not None:
+            H = H + (weight * U).reshape(-1, size).T @ (task.R @ U).reshape(-1, size)
+    return H
+
+
+def input_jacobian(task: Task, law: Parameters, motion: Motion) -> Array:
+    """Return du / d(parameters) at every step and node, (T, N, m, P), parameters in the order of `gauss_newton`."""
+    return np.stack([U for _, U in _sensitivities(task, law, motion) if U is not None])
+
+
+def sensitivity(law: Parameters, slope: Array) -> Array:
+    """Return S = V (I - D W)^{-1} D for rows of slopes (N, q), as (N, m, q): how v answers the hidden preactivation.
+
+    >>> law = Parameters(W=np.array([[0.5]]), U=np.eye(1), V=np.eye(1), K=np.eye(1), b=np.zeros(1), d=np.zeros(1))
+    >>> sensitivity(law, np.array([[1.0], [0.0]])).ravel().tolist()
+    [2.0, 0.0]
+    """
+    N, q = slope.shape
+    transposed = np.eye(q) - law.W.T * slope[:, None, :]
+    right = np.broadcast_to(law.V.T, (N, q, law.V.shape[0]))
+    return np.swapaxes(np.linalg.solve(transposed, right), 1, 2) * slope[:, None, :]
+
+
+def _linearized(task: Task, law: Parameters, motion: Motion) -> tuple[Array, Array, Array]:
+    """Return S (T, N, m, q), which inputs are inside their limits (T, N, m), and du/dx (T, N, m, n)."""
+    T, N, m = motion.v.shape
+    S = sensitivity(law, motion.slope.reshape(T * N, task.q)).reshape(T, N, m, task.q)
+    free = (motion.v > task.lower) & (motion.v < task.upper)
+    return S, free, free[..., None] * ((law.K + S @ law.U) @ task.C)
+
+
+def _sensitivities(task: Task, law: Parameters, motion: Motion) -> Iterator[tuple[Array, Array | None]]:
+    """Yield dx_k/d(parameters) (N, n, P) and du_k/d(parameters) (N, m, P) forward in time; no input at the last state."""
+    S, free, gain = _linearized(task, law, motion)
+    offset: Array = np.zeros(())
+    if task.anchored:
+        at_origin = sensitivity(law, motion.origin_slope[None])
+        offset = _explicit(at_origin, motion.origin_eta[None], np.zeros((1, task.C.shape[0])))
+    X: Array | None = None
+    for k in range(task.steps):
+        U = free[k][:, :, None] * (_explicit(S[k], motion.eta[k], motion.x[k] @ task.C.T) - offset)
+        if X is None:
+            X = np.zeros((task.weights.size, task.A.shape[0], U.shape[2]))
+        U = U + gain[k] @ X
+        yield X, U
+        X = task.A @ X + task.B @ U
+    assert X is not None
+    yield X, None
+
+
+def _explicit(S: Array, eta: Array, y: Array) -> Array:
+    """dv/d(W, U, V, K, b, d) at fixed y, (N, m, P): the rows of W and U act through S, those of V and K directly."""
+    N, m, _ = S.shape
+    ones = np.broadcast_to(np.eye(m), (N, m, m))
+    blocks = [(S, eta), (S, y), (ones, eta), (ones, y)]
+    products = [(left[..., None] * right[:, None, None, :]).reshape(N, m, -1) for left, right in blocks]
+    return np.concatenate([*products, S, ones], axis=2)
+
+
+def _cost(task: Task, x: Array, u: Array) -> float:
+    T = task.steps
+    stage = np.einsum("kni,kni->kn", x[:T] @ task.Q, x[:T]) + np.einsum("kni,kni->kn", u @ task.R, u)
+    last = np.einsum("ni,ni->n", x[T] @ task.terminal, x[T])
+    total = task.discount ** np.arange(T) @ (stage @ task.weights) + task.discount**T * (last @ task.weights)
+    return float(total) if np.isfinite(total) else np.inf

@@ -1,0 +1,1 @@
+"""Where the search starts: controllers that are known or drawn, before any training."""
