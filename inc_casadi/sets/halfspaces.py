@@ -81,7 +81,7 @@ def vertices(view: Frame) -> Array:
         except QhullError:
             continue
         if np.all(np.isfinite(z)):
-            z = _polished(view, z[distinct(z)])
+            z = _polished(view, z)
             z = z[distinct(z)]
             if _fills(view, z):
                 return view.origin[:, None] + view.widths[:, None] * z.T

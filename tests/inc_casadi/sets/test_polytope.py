@@ -66,6 +66,17 @@ def test_rounding_does_not_split_such_a_vertex(seed):
     np.testing.assert_allclose(sorted_columns(disturbed.vertices), sorted_columns(expected), atol=1e-10)
 
 
+@pytest.mark.parametrize("n", [2, 3, 5])
+def test_vertices_of_a_slanted_elongated_polytope_are_exact_to_rounding(n):
+    rng = np.random.default_rng(n)
+    for _ in range(5):
+        turn = np.linalg.qr(rng.standard_normal((n, n)))[0]
+        H, h = random_halfspaces(n, n)
+        H = H / np.logspace(-3, 0, n) @ turn
+        slack = np.sort(np.abs(h[:, None] - H @ Polytope(H, h).vertices) / np.linalg.norm(H, axis=1)[:, None], axis=0)
+        assert np.max(slack[:n]) < 3e-15
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_crowded_vertices_far_from_the_origin_are_found(seed):
     # Each vertex lies on dozens of half-spaces whose offsets carry rounding; Qhull's default options give up on most.
@@ -81,7 +92,8 @@ def test_a_missing_vertex_is_noticed(monkeypatch):
     view, z = polytope._frame, (polytope.vertices - polytope._frame.origin[:, None]) / polytope._frame.widths[:, None]
     assert halfspaces._fills(view, z.T)
     assert not any(halfspaces._fills(view, np.delete(z.T, i, axis=0)) for i in range(z.shape[1]))
-    assert not halfspaces._fills(view, np.vstack([z.T, 1.01 * z.T]))
+    clipped = Polytope([*SQUARE, [1, 1]], [1, 1, 1, 1, 1])._frame
+    assert not halfspaces._fills(clipped, np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 1.0], [-1.0, -1.0]]))
     monkeypatch.setattr(halfspaces, "_fills", lambda *_: False)
     with pytest.raises(SolverError, match=r"half-spaces in R\^3"):
         halfspaces.vertices(view)
