@@ -11,6 +11,7 @@ from inc_casadi.arrays import Array
 
 DIVERGED = 1e8
 NEGLIGIBLE = 1e-10
+WATCHED = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,8 +19,9 @@ class Estimate:
     """Simulated expected cost: mean and standard_error over `samples` seeded starting points, infinite on divergence.
 
     largest: the largest sampled cost; excess: the largest violation H u - h of an input limit seen, at most 0 when all
-    were kept, -inf without limits; steps: how long the motions were followed; settled: whether the cost that was left
-    out is negligible for all of them.
+    were kept, -inf without limits; steps: how long the motions were followed; settled: whether they came to rest and the
+    cost that was left out is negligible. A discount can make the cost of motions that never rest finite: then
+    `settled` is False.
     """
 
     mean: float
@@ -43,6 +45,7 @@ def estimate(plant: Plant, inc: INC, spec: Spec, *, samples: int = 20_000, seed:
     True
     """
     x = np.array(spec.initial.sample(samples, np.random.default_rng(seed)))
+    size = float(np.max(np.abs(x)))
     total, weight, excess, settled = np.zeros(samples), 1.0, -np.inf, False
     step = 0
     for step in range(1, steps + 1):
@@ -57,10 +60,22 @@ def estimate(plant: Plant, inc: INC, spec: Spec, *, samples: int = 20_000, seed:
             return Estimate(np.inf, np.inf, np.inf, excess, samples, step, False)
         # A geometric tail no slower than 0.99 per step is below a hundred such stages.
         if np.max(stage) * 100 <= NEGLIGIBLE * max(float(total.mean()), 1e-300):
-            settled = True
+            settled = _comes_to_rest(plant, inc, x[:, :WATCHED], size, steps)
             break
     error = float(total.std(ddof=1) / np.sqrt(samples))
     return Estimate(float(total.mean()), error, float(total.max()), excess, samples, step, settled)
+
+
+def _comes_to_rest(plant: Plant, inc: INC, x: Array, size: float, steps: int) -> bool:
+    """Whether the last motion of some samples dies out: a step moves less than a millionth of where they began."""
+    for _ in range(steps):
+        after = plant.A @ x + plant.B @ inc(plant.C @ x)
+        if not np.max(np.abs(after)) < DIVERGED:
+            return False
+        if np.max(np.abs(after - x)) <= 1e-6 * size:
+            return True
+        x = after
+    return False
 
 
 def _quadratic(weight: Array, points: Array) -> Array:

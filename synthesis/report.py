@@ -6,7 +6,7 @@ import numpy as np
 
 from .result import CERTIFIED, Result
 
-WIDTH = 34
+WIDTH = 43
 
 
 def table(result: Result) -> str:
@@ -22,7 +22,7 @@ def table(result: Result) -> str:
     rows += _costs(result) + _bounds(result)
     rows += [("note", note) for note in result.notes]
     rows.append(("time", ", ".join(f"{name} {value:.1f} s" for name, value in result.seconds.items())))
-    lines = [f"{name:<{WIDTH}}{value}" for name, value in _without_repeats(rows)]
+    lines = [f"{name:<{WIDTH}} {value}" for name, value in _without_repeats(rows)]
     sentence = verdict_sentence(result)
     return "\n".join(lines + ([sentence] if sentence else []))
 
@@ -55,6 +55,8 @@ def _costs(result: Result) -> list[tuple[str, str]]:
     if run is not None:
         words = (f"{run.mean:.4f} +- {run.standard_error:.4f} (standard error, {run.samples} samples)"
                  if np.isfinite(run.mean) else f"diverges within {run.steps} steps")
+        if np.isfinite(run.mean) and not run.settled:
+            words += "; the motions do not come to rest"
         rows.append(("simulated expected cost", words))
     return rows
 
@@ -62,7 +64,7 @@ def _costs(result: Result) -> list[tuple[str, str]]:
 def _bounds(result: Result) -> list[tuple[str, str]]:
     rows = [(f"lower bound, {name}", f"{float(bound):.6f}" + ("" if bound.holds() else " (not confirmed)"))
             for name, bound in result.bounds.items()]
-    return rows + [(f"{name} (found)", f"{value:.6f}") for name, value in result.linear.items()]
+    return rows + [(f"{name} (found)", f"{value:.6f}") for name, value in result.linear.items() if np.isfinite(value)]
 
 
 def _without_repeats(rows: list[tuple[str, str]]) -> list[tuple[str, str]]:

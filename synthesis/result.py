@@ -45,7 +45,7 @@ class Attempt:
 class Result:
     """The outcome of `synthesize`. `print(result)` shows the table of an engineer, `result.plot()` the pictures.
 
-    inc: the controller, None when every attempt failed; status: "certified", "simulation evidence" or "failed", and
+    inc: the controller, the best candidate when none passed, None when there was no candidate; status: "certified", "simulation evidence" or "failed", and
     nothing else is ever said; certificate: the one that holds, or None; estimate: the simulated cost; bounds: lower
     bounds by name; linear: what the best linear competitors found cost; history: every attempt; notes: reasons
     and interruptions; seconds: wall time by phase.
@@ -65,10 +65,12 @@ class Result:
 
     @property
     def status(self) -> str:
-        """"certified" when a certificate holds, "simulation evidence" when only simulation speaks for it, else "failed"."""
+        """"certified" when a certificate holds, else "simulation evidence" when all simulated motions keep the limits and
+        come to rest, else "failed"."""
         if self.certificate is not None and self.certificate.holds():
             return CERTIFIED
-        if self.estimate is not None and np.isfinite(self.estimate.mean) and self.estimate.excess <= 1e-9:
+        run = self.estimate
+        if run is not None and run.settled and np.isfinite(run.mean) and run.excess <= 1e-9:
             return EVIDENCE
         return FAILED
 

@@ -6,13 +6,14 @@ the one over time. Arrays are laid out as (T, N, size), points in rows, because 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from inc_casadi.activations import stack
+from inc_casadi.activations import Activation, stack
 from inc_casadi.arrays import Array
 from inc_casadi.inc import INC
 
@@ -70,6 +71,27 @@ class Task:
         """Number of hidden units."""
         return len(self.units)
 
+    @cached_property
+    def groups(self) -> list[tuple[Activation, np.ndarray]]:
+        """Each distinct activation with the indices of its units."""
+        return stack.groups(self.units)
+
+    def activate(self, z: Array) -> Array:
+        """Return phi(z) for rows z (N, q)."""
+        return self._each(z, [unit for unit, _ in self.groups])
+
+    def slopes(self, z: Array) -> Array:
+        """Return phi'(z) for rows z (N, q); at a kink, the slope on its right."""
+        return self._each(z, [unit.derivative for unit, _ in self.groups])
+
+    def _each(self, z: Array, functions: list[Callable[[Array], Array]]) -> Array:
+        if len(functions) == 1:
+            return functions[0](z)
+        out = np.empty_like(z)
+        for function, (_, columns) in zip(functions, self.groups, strict=True):
+            out[:, columns] = function(z[:, columns])
+        return out
+
 
 @dataclass(frozen=True, eq=False)
 class Motion:
@@ -118,26 +140,27 @@ def hidden(task: Task, W: Array, r: Array, eta: Array) -> tuple[Array, Array]:
         return np.zeros_like(r), np.zeros_like(r)
     scale = TOLERANCE * np.maximum(1.0, np.max(np.abs(r), axis=1))
     identity = np.eye(task.q)
-    before = step = size_before = None
+    before: Array | None = None
     for _ in range(NEWTON_STEPS):
-        z = eta @ W.T + r
-        residual = stack.evaluate(task.units, z.T).T - eta
-        size = np.max(np.abs(residual), axis=1)
-        if size_before is not None:
-            grown = size > task.shrink * size_before
-            grown &= size > scale
+        z, residual, size = _residual(task, W, r, eta)
+        if before is not None:
+            grown = (size > task.shrink * size_before) & (size > scale)
             if grown.any():
                 eta[grown] = before[grown] + step[grown]
-                z = eta @ W.T + r
-                residual = stack.evaluate(task.units, z.T).T - eta
-                size = np.max(np.abs(residual), axis=1)
-        slope = stack.derivative(task.units, z.T).T
+                z, residual, size = _residual(task, W, r, eta)
+        slope = task.slopes(z)
         if not np.any(size > scale):
             break
         before, step, size_before = eta, residual, size
         eta = eta + np.linalg.solve(identity - slope[:, :, None] * W, residual[:, :, None])[:, :, 0]
     lost = ~(size <= scale)
-    return np.where(lost[:, None], np.nan, eta), slope
+    return (np.where(lost[:, None], np.nan, eta) if lost.any() else eta), slope
+
+
+def _residual(task: Task, W: Array, r: Array, eta: Array) -> tuple[Array, Array, Array]:
+    z = eta @ W.T + r
+    residual = task.activate(z) - eta
+    return z, residual, np.max(np.abs(residual), axis=1)
 
 
 def gradient(task: Task, law: Parameters, motion: Motion) -> Parameters:
@@ -169,35 +192,54 @@ def gradient(task: Task, law: Parameters, motion: Motion) -> Parameters:
 def gauss_newton(task: Task, law: Parameters, motion: Motion) -> Array:
     """Return 2 sum_k discount^k E[X_k'Q X_k + U_k'R U_k] + (terminal), the positive semidefinite part of J's Hessian.
 
-    X_k, U_k are the sensitivities of state and input to all parameters in the order W, U, V, K, b, d, each row by row.
-    What is left out is the curvature of the motion itself, which is small where the cost is close to its minimum.
+    X_k, U_k are the sensitivities of state and input to all parameters in the order W, U, V, K, b, d, each row by row;
+    every distinct part is the Gram matrix of scaled sensitivities. What is left out is the curvature of the motion itself, which is small where the cost is close to its minimum.
     """
+    factors = [_root(weight) for weight in (task.Q, task.R, task.terminal)]
     H: Array = np.zeros(())
     for k, (X, U) in enumerate(_sensitivities(task, law, motion)):
-        weight = 2.0 * task.discount**k * task.weights[:, None, None]
-        size = X.shape[2]
-        H = H + (weight * X).reshape(-1, size).T @ ((task.Q if k < task.steps else task.terminal) @ X).reshape(-1, size)
+        weight = np.sqrt(2.0 * task.discount**k * task.weights)[:, None]
+        rows = _combined(factors[0 if k < task.steps else 2], X) * weight
+        H = H + _gram(rows)
         if U is not None:
-            H = H + (weight * U).reshape(-1, size).T @ (task.R @ U).reshape(-1, size)
+            H = H + _gram(_combined(factors[1], U) * weight)
     return H
 
 
 def input_jacobian(task: Task, law: Parameters, motion: Motion) -> Array:
     """Return du / d(parameters) at every step and node, (T, N, m, P), parameters in the order of `gauss_newton`."""
-    return np.stack([U for _, U in _sensitivities(task, law, motion) if U is not None])
+    return np.stack([np.swapaxes(U, 0, 1) for _, U in _sensitivities(task, law, motion) if U is not None])
 
 
 def sensitivity(law: Parameters, slope: Array) -> Array:
     """Return S = V (I - D W)^{-1} D for rows of slopes (N, q), as (N, m, q): how v answers the hidden preactivation.
 
+    Rows with the same slopes share one solution: piecewise-affine units have few patterns for many points.
+
     >>> law = Parameters(W=np.array([[0.5]]), U=np.eye(1), V=np.eye(1), K=np.eye(1), b=np.zeros(1), d=np.zeros(1))
     >>> sensitivity(law, np.array([[1.0], [0.0]])).ravel().tolist()
     [2.0, 0.0]
     """
+    first, back = _patterns(slope)
+    D = slope[first]
+    transposed = np.eye(D.shape[1]) - law.W.T * D[:, None, :]
+    right = np.broadcast_to(law.V.T, (*D.shape, law.V.shape[0]))
+    return (np.swapaxes(np.linalg.solve(transposed, right), 1, 2) * D[:, None, :])[back]
+
+
+def _patterns(slope: Array) -> tuple[np.ndarray, np.ndarray]:
+    """Return rows that stand for all different ones, and which of them each row is; only for up to 64 on-off units."""
     N, q = slope.shape
-    transposed = np.eye(q) - law.W.T * slope[:, None, :]
-    right = np.broadcast_to(law.V.T, (N, q, law.V.shape[0]))
-    return np.swapaxes(np.linalg.solve(transposed, right), 1, 2) * slope[:, None, :]
+    everyone = np.arange(N)
+    if not 0 < q <= 64 or N == 0:
+        return everyone, everyone
+    high = slope == np.max(slope)
+    if not np.all(high | (slope == np.min(slope))):
+        return everyone, everyone
+    bits = np.zeros((N, 64), dtype=bool)
+    bits[:, :q] = high
+    _, first, back = np.unique(np.packbits(bits, axis=1).view(np.uint64).ravel(), return_index=True, return_inverse=True)
+    return first, back
 
 
 def _linearized(task: Task, law: Parameters, motion: Motion) -> tuple[Array, Array, Array]:
@@ -209,7 +251,7 @@ def _linearized(task: Task, law: Parameters, motion: Motion) -> tuple[Array, Arr
 
 
 def _sensitivities(task: Task, law: Parameters, motion: Motion) -> Iterator[tuple[Array, Array | None]]:
-    """Yield dx_k/d(parameters) (N, n, P) and du_k/d(parameters) (N, m, P) forward in time; no input at the last state."""
+    """Yield dx_k/d(parameters) (n, N, P) and du_k/d(parameters) (m, N, P) forward in time; no input at the last state."""
     S, free, gain = _linearized(task, law, motion)
     offset: Array = np.zeros(())
     if task.anchored:
@@ -217,23 +259,42 @@ def _sensitivities(task: Task, law: Parameters, motion: Motion) -> Iterator[tupl
         offset = _explicit(at_origin, motion.origin_eta[None], np.zeros((1, task.C.shape[0])))
     X: Array | None = None
     for k in range(task.steps):
-        U = free[k][:, :, None] * (_explicit(S[k], motion.eta[k], motion.x[k] @ task.C.T) - offset)
+        U = (_explicit(S[k], motion.eta[k], motion.x[k] @ task.C.T) - offset) * free[k].T[:, :, None]
         if X is None:
-            X = np.zeros((task.weights.size, task.A.shape[0], U.shape[2]))
-        U = U + gain[k] @ X
+            X = np.zeros((task.A.shape[0], *U.shape[1:]))
+        for i, j in np.ndindex(*gain.shape[2:]):
+            U[i] += gain[k, :, i, j, None] * X[j]
         yield X, U
-        X = task.A @ X + task.B @ U
+        X = _combined(task.A, X) + _combined(task.B, U)
     assert X is not None
     yield X, None
 
 
 def _explicit(S: Array, eta: Array, y: Array) -> Array:
-    """dv/d(W, U, V, K, b, d) at fixed y, (N, m, P): the rows of W and U act through S, those of V and K directly."""
-    N, m, _ = S.shape
-    ones = np.broadcast_to(np.eye(m), (N, m, m))
-    blocks = [(S, eta), (S, y), (ones, eta), (ones, y)]
-    products = [(left[..., None] * right[:, None, None, :]).reshape(N, m, -1) for left, right in blocks]
-    return np.concatenate([*products, S, ones], axis=2)
+    """dv/d(W, U, V, K, b, d) at fixed y, (m, N, P): the rows of W and U act through S, those of V and K directly."""
+    N, m, q = S.shape
+    through = np.swapaxes(S, 0, 1)
+    ones = np.broadcast_to(np.eye(m)[:, None, :], (m, N, m))
+    blocks = [(through, eta), (through, y), (ones, eta), (ones, y)]
+    products = [(left[..., None] * right[None, :, None, :]).reshape(m, N, -1) for left, right in blocks]
+    return np.concatenate([*products, through, ones], axis=2)
+
+
+def _combined(matrix: Array, parts: Array) -> Array:
+    """matrix (a, c) times parts (c, N, P) along the first axis, as one product of two matrices."""
+    return (matrix @ parts.reshape(parts.shape[0], -1)).reshape(-1, *parts.shape[1:])
+
+
+def _gram(parts: Array) -> Array:
+    rows = parts.reshape(-1, parts.shape[2])
+    return rows.T @ rows
+
+
+def _root(weight: Array) -> Array:
+    """Return L' with L L' = weight, for weight >= 0, without the rows that are zero."""
+    values, vectors = np.linalg.eigh(weight)
+    kept = values > 1e-14 * np.max(np.abs(values), initial=0.0)
+    return np.sqrt(values[kept])[:, None] * vectors[:, kept].T
 
 
 def _cost(task: Task, x: Array, u: Array) -> float:

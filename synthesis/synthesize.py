@@ -158,8 +158,13 @@ def _best(history: list[Attempt]) -> Attempt | None:
     certified = [one for one in history if one.certified]
     if certified:
         return min(certified, key=lambda one: one.verdict.cost)  # type: ignore[union-attr]
-    simulated = [one for one in history if one.estimate is not None]
-    return min(simulated, key=lambda one: (one.estimate.excess > 1e-9, one.estimate.mean), default=None)  # type: ignore
+    return min((one for one in history if one.estimate is not None), key=_ordeal, default=None)
+
+
+def _ordeal(one: Attempt) -> tuple[bool, bool, float]:
+    """What simulation has against an attempt: no rest, a limit exceeded, the cost."""
+    assert one.estimate is not None
+    return not one.estimate.settled, one.estimate.excess > 1e-9, one.estimate.mean
 
 
 def _speaker(verbose: bool, clock: float) -> Say:

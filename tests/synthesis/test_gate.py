@@ -1,0 +1,81 @@
+"""The gate lets through what is proved and names what is in the way of the rest."""
+
+import numpy as np
+import pytest
+
+from inc_casadi import INC, Box, Gaussian, LeakyReLU, Plant, Polytope, ReLU, Saturation, Spec, Tanh, Uniform
+from inc_casadi.certificate import MatrixCertificate
+from inc_casadi.regional_certificate import RegionalCertificate
+from synthesis.gate import gate, output_range
+
+SCALAR = Plant([[1.5]], [[1.0]])
+LIMITED = Spec([[1.0]], [[0.0]], 0.9, Box([-1.0], [1.0]), Box([-1.0], [1.0]))
+
+
+def test_a_saturated_law_on_an_unstable_plant_passes_by_pieces():
+    verdict = gate(SCALAR, LIMITED, INC.saturated([[-1.5]], 1.0))
+    assert verdict.accepted and isinstance(verdict.certificate, RegionalCertificate)
+    assert verdict.cost == pytest.approx(1 / 3 + 0.9 / 36, rel=1e-8)
+    assert any("input limits" in words for words in verdict.proofs)
+
+
+def test_a_linear_law_that_exceeds_the_limit_is_refused_with_the_amount():
+    verdict = gate(SCALAR, LIMITED, INC.linear([[-1.5]]))
+    assert not verdict.accepted and verdict.cost == np.inf
+    assert any("exceeds its limit by 0.5" in why for why in verdict.refusals)
+    assert any("not built into" in why for why in verdict.refusals)
+
+
+def test_too_large_a_set_is_refused_on_both_ways():
+    wide = Spec([[1.0]], [[0.0]], 0.9, Box([-2.5], [2.5]), Box([-1.0], [1.0]))
+    verdict = gate(SCALAR, wide, INC.saturated([[-1.5]], 1.0))
+    assert not verdict.accepted
+    assert any(why.startswith("exact pieces: the walk ended") for why in verdict.refusals)
+    assert any("no bounded input stabilizes" in why for why in verdict.refusals)
+
+
+def test_smooth_units_and_unbounded_distributions_go_to_the_inequality():
+    plant = Plant([[0.8, 0.1], [0.0, 0.7]], [[0.0], [1.0]])
+    law = INC([[0.2]], [[-0.3, -0.2]], [[0.5]], [[0.0, 0.0]], activation=Tanh())
+    normal = Spec(np.eye(2), [[1.0]], 0.95, Gaussian([0.0, 0.0], np.eye(2)), Box([-1.0], [1.0]))
+    verdict = gate(plant, normal, law)
+    assert verdict.accepted and isinstance(verdict.certificate, MatrixCertificate)
+    assert any("not uniform over a polytope" in why for why in verdict.refusals)
+    uniform = Spec(np.eye(2), [[1.0]], 0.95, Uniform(Box([-1.0, -1.0], [1.0, 1.0])), Box([-1.0], [1.0]))
+    assert any("not piecewise affine" in why for why in gate(plant, uniform, law).refusals)
+
+
+def test_an_ill_posed_candidate_is_refused_before_anything_is_evaluated():
+    verdict = gate(SCALAR, LIMITED, INC([[1.5]], [[1.0]], [[1.0]], [[0.0]], activation=ReLU()))
+    assert not verdict.accepted and "1.5" in verdict.refusals[0] and "well-posedness" in verdict.refusals[0]
+
+
+def test_a_missing_solver_is_a_reason_and_not_a_traceback(monkeypatch):
+    import sys
+    monkeypatch.setitem(sys.modules, "cvxpy", None)
+    plant = Plant([[0.8]], [[1.0]])
+    law = INC([[0.2]], [[-0.3]], [[0.5]], [[0.0]], activation=Tanh())
+    verdict = gate(plant, Spec([[1.0]], [[1.0]], 0.9, Box([-1.0], [1.0])), law)
+    assert not verdict.accepted and any("cvxpy" in why for why in verdict.refusals)
+
+
+@pytest.mark.parametrize(("inc", "low", "high"), [
+    (INC.saturated([[2.0, 1.0]], 3.0), [-3.0], [3.0]),
+    (INC.linear([[1.0]]), [-np.inf], [np.inf]),
+    (INC(np.zeros((2, 2)), [[1.0], [1.0]], [[-1.0, 2.0]], [[0.0]], d=[1.0], activation=[ReLU(), Saturation()]),
+     [-np.inf], [3.0]),
+    (INC(np.zeros((1, 1)), [[1.0]], [[0.0]], [[0.0]], d=[0.5], activation=LeakyReLU()), [0.5], [0.5]),
+])
+def test_output_ranges_by_hand(inc, low, high):
+    found = output_range(inc)
+    assert found[0].tolist() == low and found[1].tolist() == high
+
+
+def test_polytopic_limits_are_checked_at_the_worst_corner():
+    plant = Plant(np.diag([0.5, 0.4]), np.eye(2))
+    law = INC.saturated([[-0.4, 0.0], [0.0, -0.3]], [1.0, 1.0])
+    diamond = Polytope([[1, 1], [1, -1], [-1, 1], [-1, -1]], [1.0] * 4)
+    spec = Spec(np.eye(2), np.eye(2), 0.9, Gaussian([0.0, 0.0], np.eye(2)), diamond)
+    assert any("not built into" in why for why in gate(plant, spec, law).refusals)
+    small = INC.saturated([[-0.4, 0.0], [0.0, -0.3]], [0.5, 0.5])
+    assert gate(plant, spec, small).accepted

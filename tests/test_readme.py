@@ -1,0 +1,28 @@
+"""The README's code runs as it stands, and its figures are those that come out."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+README = Path(__file__).parents[1] / "README.md"
+
+
+def test_the_readme_code_runs_and_gives_the_figures_it_states(tmp_path, monkeypatch, capsys):
+    text = README.read_text(encoding="utf-8")
+    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    assert len(blocks) == 1 and len(blocks[0].strip().splitlines()) <= 14
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(compile(blocks[0], "README.md", "exec"), names)
+    result = names["result"]
+    assert result.status == "certified" and "1.3649619" in text
+    assert result.cost == pytest.approx(1.3649619, abs=1e-7)
+    linear = float(result.bounds["linear controllers, 20 moves"])
+    assert linear == pytest.approx(2.116763, abs=1e-6) and "2.116763" in text
+    assert abs(names["u"][0]) <= 1 and names["result"].certificate.prove()
+    assert "CERTIFIED" in capsys.readouterr().out
+
+    from inc_casadi.__main__ import main
+    assert main(["check", "result.json"]) == 0
+    assert "converges" in capsys.readouterr().out
