@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from .errors import DimensionError, InvalidInputError
 
-Array = NDArray[np.float64]
+Array = NDArray[Any]
+"""An array of floats, or of Fractions where exact arithmetic reads the same formula."""
 
 
 def matrix(name: str, value: ArrayLike, shape: tuple[int | None, int | None] = (None, None)) -> Array:

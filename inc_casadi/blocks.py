@@ -83,5 +83,5 @@ def exact(value: Any) -> np.ndarray:
     if array.dtype == object:
         return array
     out = np.empty(array.shape, dtype=object)
-    out.flat = [Fraction(float(entry)) for entry in array.flat]
+    out.ravel()[:] = [Fraction(float(entry)) for entry in array.flat]
     return out

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -56,6 +56,10 @@ class INC:
     b: Array = None  # type: ignore[assignment]
     d: Array = None  # type: ignore[assignment]
     activation: Activation | Sequence[Activation] = field(default_factory=ReLU)
+
+    if TYPE_CHECKING:  # what the constructor takes is wider than what the fields hold
+        def __init__(self, W: ArrayLike, U: ArrayLike, V: ArrayLike, K: ArrayLike, b: ArrayLike | None = None,
+                     d: ArrayLike | None = None, activation: Activation | Sequence[Activation] = ...) -> None: ...
 
     def __post_init__(self) -> None:
         K = matrix("K", self.K)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .arrays import Array, matrix, number
 from .errors import DimensionError, InvalidInputError, SolverError
@@ -49,6 +50,9 @@ class Plant:
     B: Array
     C: Array = None  # type: ignore[assignment]  # None is replaced by the identity
     dt: float = 1.0
+
+    if TYPE_CHECKING:  # what the constructor takes is wider than what the fields hold
+        def __init__(self, A: ArrayLike, B: ArrayLike, C: ArrayLike | None = None, dt: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
         A = matrix("A", self.A)

@@ -73,8 +73,10 @@ def simulate(plant: Plant, inc: INC, x0: ArrayLike, *, steps: int = 100, duratio
     eta = inc.solve(plant.C @ flat).eta
     u = inc.K @ plant.C @ flat + inc.V @ eta + inc.d[:, None]
     shape = x.shape[1:]
-    motion = x, u.reshape(plant.m, *shape), eta.reshape(inc.q, *shape)
-    return Trajectory(t, *(part[:, 0] if single else part for part in motion), discrete=plant.discrete)
+    u, eta = u.reshape(plant.m, *shape), eta.reshape(inc.q, *shape)
+    if single:
+        x, u, eta = x[:, 0], u[:, 0], eta[:, 0]
+    return Trajectory(t, x, u, eta, plant.discrete)
 
 
 def _discrete(plant: Plant, inc: INC, x: Array, steps: int) -> tuple[Array, Array]:

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+from numpy.typing import ArrayLike
 
 from .arrays import Array, number, symmetric
 from .errors import DimensionError, InvalidInputError
 from .plant import as_plant
-from .sets import Box, Distribution, Polytope, as_distribution
+from .sets import Box, Distribution, Polytope, Set, as_distribution
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,6 +46,10 @@ class Spec:
     discount: float
     initial: Distribution
     inputs: Box | Polytope | None = None
+
+    if TYPE_CHECKING:  # what the constructor takes is wider than what the fields hold
+        def __init__(self, Q: ArrayLike, R: ArrayLike, discount: float, initial: Distribution | Set,
+                     inputs: Box | Polytope | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         Q = symmetric("Q", self.Q, definite="semi")

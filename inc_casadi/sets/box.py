@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +41,9 @@ class Box(Set):
 
     lower: Array
     upper: Array
+
+    if TYPE_CHECKING:  # what the constructor takes is wider than what the fields hold
+        def __init__(self, lower: ArrayLike, upper: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         lower = vector("lower", self.lower)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 from math import exp, lgamma, log, pi
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +41,9 @@ class Ellipsoid(Set):
     P: Array
     center: Array = None  # type: ignore[assignment]  # None is replaced by the origin
     level: float = 1.0
+
+    if TYPE_CHECKING:  # what the constructor takes is wider than what the fields hold
+        def __init__(self, P: ArrayLike, center: ArrayLike | None = None, level: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
         P = symmetric("P", self.P, definite="strict")

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arrays import Array, matrix, vector
 from ..errors import DimensionError, EmptySetError, InvalidInputError
@@ -37,6 +39,9 @@ class Empirical(Distribution):
 
     points: Array
     weights: Array = None  # type: ignore[assignment]  # None is replaced by equal weights
+
+    if TYPE_CHECKING:  # what the constructor takes is wider than what the fields hold
+        def __init__(self, points: ArrayLike, weights: ArrayLike | None = None) -> None: ...
 
     def __post_init__(self) -> None:
         points = matrix("points", self.points)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..arrays import Array, symmetric, vector
 from ..errors import DimensionError, InvalidInputError
@@ -35,6 +37,9 @@ class Gaussian(Distribution):
 
     mean: Array
     covariance: Array
+
+    if TYPE_CHECKING:  # what the constructor takes is wider than what the fields hold
+        def __init__(self, mean: ArrayLike, covariance: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         mean = vector("mean", self.mean)

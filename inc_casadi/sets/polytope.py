@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,6 +41,9 @@ class Polytope(Set):
 
     H: Array
     h: Array
+
+    if TYPE_CHECKING:  # what the constructor takes is wider than what the fields hold
+        def __init__(self, H: ArrayLike, h: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         H = matrix("H", self.H)
