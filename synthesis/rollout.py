@@ -6,7 +6,7 @@ the one over time. Arrays are laid out as (T, N, size), points in rows, because 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -38,10 +38,10 @@ class Parameters(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class Scenario:
     """What a rollout costs: the loop around the law, the cost, and the initial states with their weights.
 
-    x+ = A x + B u, y = C x, u = clip(v, lower, upper), v = K y + V eta + d, where `anchored` takes d = -V eta(y = 0), and
+    x+ = A x + B u, y = C x, u = clip(v, lower, upper), v = K y + V eta + d, with d = -V eta(y = 0) when `anchored`, and
 
         J = sum_i weights_i [ sum_{k < steps} discount^k (x_k'Q x_k + u_k'R u_k) + discount^steps x_T'terminal x_T ].
 
@@ -107,108 +107,85 @@ class Motion:
     cost: float
 
 
-def roll(task: Task, law: Parameters, guess: Array | None = None) -> Motion:
+def roll(scenario: Scenario, law: Parameters, guess: Array | None = None) -> Motion:
     """Return the motion of the loop from all nodes; the cost is infinite when a state or a fixed point is lost.
 
     guess: eta (T, N, q) of a similar law, from which Newton starts; one step then mostly suffices.
     """
-    T, N = task.steps, task.weights.size
-    x = np.empty((T + 1, N, task.A.shape[0]))
-    v, u = np.empty((2, T, N, task.B.shape[1]))
-    eta, slope = np.zeros((2, T, N, task.q))
-    x[0] = task.nodes.T
+    T, N = scenario.steps, scenario.weights.size
+    x = np.empty((T + 1, N, scenario.A.shape[0]))
+    v, u = np.empty((2, T, N, scenario.B.shape[1]))
+    eta, slope = np.zeros((2, T, N, scenario.q))
+    x[0] = scenario.nodes.T
     with np.errstate(over="ignore", invalid="ignore"):
-        origin_eta, origin_slope = hidden(task, law.W, law.b[None], np.zeros((1, task.q)))
-        offset = -(origin_eta[0] @ law.V.T) if task.anchored else law.d
+        origin_eta, origin_slope = hidden(scenario, law.W, law.b[None], np.zeros((1, scenario.q)))
+        offset = -(origin_eta[0] @ law.V.T) if scenario.anchored else law.d
         for k in range(T):
-            y = x[k] @ task.C.T
-            eta[k], slope[k] = hidden(task, law.W, y @ law.U.T + law.b, eta[k] if guess is None else guess[k])
+            y = x[k] @ scenario.C.T
+            eta[k], slope[k] = hidden(scenario, law.W, y @ law.U.T + law.b, eta[k] if guess is None else guess[k])
             v[k] = y @ law.K.T + eta[k] @ law.V.T + offset
-            u[k] = np.clip(v[k], task.lower, task.upper)
-            x[k + 1] = x[k] @ task.A.T + u[k] @ task.B.T
-        cost = _cost(task, x, u)
+            u[k] = np.clip(v[k], scenario.lower, scenario.upper)
+            x[k + 1] = x[k] @ scenario.A.T + u[k] @ scenario.B.T
+        cost = _cost(scenario, x, u)
     return Motion(x, v, u, eta, slope, origin_eta[0], origin_slope[0], cost)
 
 
-def hidden(task: Task, W: Array, r: Array, eta: Array) -> tuple[Array, Array]:
+def hidden(scenario: Scenario, W: Array, r: Array, eta: Array) -> tuple[Array, Array]:
     """Return eta = phi(W eta + r) and phi' there for rows r (N, q), starting from eta; rows not found are NaN.
 
     A semismooth Newton step stands in a row only where it shrinks the residual, else one Picard step replaces it: that
     converges whenever ||W||_inf < shrink and no slope exceeds 1.
     """
-    if task.q == 0:
+    if scenario.q == 0:
         return np.zeros_like(r), np.zeros_like(r)
     scale = TOLERANCE * np.maximum(1.0, np.max(np.abs(r), axis=1))
-    identity = np.eye(task.q)
-    before: Array | None = None
+    identity = np.eye(scenario.q)
+    before, step, allowed = eta, np.zeros_like(r), np.full(r.shape[0], np.inf)
     for _ in range(NEWTON_STEPS):
-        z, residual, size = _residual(task, W, r, eta)
-        if before is not None:
-            grown = (size > task.shrink * size_before) & (size > scale)
-            if grown.any():
-                eta[grown] = before[grown] + step[grown]
-                z, residual, size = _residual(task, W, r, eta)
-        slope = task.slopes(z)
+        z, residual, size = _residual(scenario, W, r, eta)
+        grown = (size > allowed) & (size > scale)
+        if grown.any():
+            eta[grown] = before[grown] + step[grown]
+            z, residual, size = _residual(scenario, W, r, eta)
+        slope = scenario.slopes(z)
         if not np.any(size > scale):
             break
-        before, step, size_before = eta, residual, size
+        before, step, allowed = eta, residual, scenario.shrink * size
         eta = eta + np.linalg.solve(identity - slope[:, :, None] * W, residual[:, :, None])[:, :, 0]
     lost = ~(size <= scale)
     return (np.where(lost[:, None], np.nan, eta) if lost.any() else eta), slope
 
 
-def _residual(task: Task, W: Array, r: Array, eta: Array) -> tuple[Array, Array, Array]:
+def _residual(scenario: Scenario, W: Array, r: Array, eta: Array) -> tuple[Array, Array, Array]:
     z = eta @ W.T + r
-    residual = task.activate(z) - eta
+    residual = scenario.activate(z) - eta
     return z, residual, np.max(np.abs(residual), axis=1)
 
 
-def gradient(task: Task, law: Parameters, motion: Motion) -> Parameters:
+def gradient(scenario: Scenario, law: Parameters, motion: Motion) -> Parameters:
     """Return dJ / d(parameters) by one sweep back through time and the adjoint fixed points (prop:implicit_gradients).
 
     With D the slopes, v answers the hidden preactivation by S = V (I - D W)^{-1} D, so that dv/dy = K + S U. In an
     anchored law d is no parameter: its gradient is zero, and y = 0 enters like one more sample of opposite sign.
     """
-    T, N = task.steps, task.weights.size
-    S, free, gain = _linearized(task, law, motion)
-    weight = 2.0 * task.discount ** np.arange(T)[:, None, None] * task.weights[None, :, None]
-    from_u, from_x = weight * (motion.u @ task.R), weight * (motion.x[:T] @ task.Q)
-    costate = 2.0 * task.discount**T * task.weights[:, None] * (motion.x[T] @ task.terminal)
+    T, N = scenario.steps, scenario.weights.size
+    S, free, gain = linearized(scenario, law, motion)
+    weight = 2.0 * scenario.discount ** np.arange(T)[:, None, None] * scenario.weights[None, :, None]
+    from_u, from_x = weight * (motion.u @ scenario.R), weight * (motion.x[:T] @ scenario.Q)
+    costate = 2.0 * scenario.discount**T * scenario.weights[:, None] * (motion.x[T] @ scenario.terminal)
     to_v = np.empty_like(motion.v)
     for k in range(T - 1, -1, -1):
-        to_v[k] = (from_u[k] + costate @ task.B) * free[k]
-        costate = from_x[k] + costate @ task.A + np.einsum("im,imn->in", to_v[k], gain[k])
+        to_v[k] = (from_u[k] + costate @ scenario.B) * free[k]
+        costate = from_x[k] + costate @ scenario.A + np.einsum("im,imn->in", to_v[k], gain[k])
     g, eta = to_v.reshape(T * N, -1), motion.eta.reshape(T * N, -1)
-    y = motion.x[:T].reshape(T * N, -1) @ task.C.T
+    y = motion.x[:T].reshape(T * N, -1) @ scenario.C.T
     to_r = np.einsum("kim,kimq->kiq", to_v, S).reshape(T * N, -1)
     to = Parameters(to_r.T @ eta, to_r.T @ y, g.T @ eta, g.T @ y, to_r.sum(axis=0), g.sum(axis=0))
-    if not task.anchored:
+    if not scenario.anchored:
         return to
     at_origin = -to.d @ sensitivity(law, motion.origin_slope[None])[0]
     return to._replace(W=to.W + np.outer(at_origin, motion.origin_eta), V=to.V - np.outer(to.d, motion.origin_eta),
                        b=to.b + at_origin, d=np.zeros_like(to.d))
-
-
-def gauss_newton(task: Task, law: Parameters, motion: Motion) -> Array:
-    """Return 2 sum_k discount^k E[X_k'Q X_k + U_k'R U_k] + (terminal), the positive semidefinite part of J's Hessian.
-
-    X_k, U_k are the sensitivities of state and input to all parameters in the order W, U, V, K, b, d, each row by row;
-    every distinct part is the Gram matrix of scaled sensitivities. What is left out is the curvature of the motion itself, which is small where the cost is close to its minimum.
-    """
-    factors = [_root(weight) for weight in (task.Q, task.R, task.terminal)]
-    H: Array = np.zeros(())
-    for k, (X, U) in enumerate(_sensitivities(task, law, motion)):
-        weight = np.sqrt(2.0 * task.discount**k * task.weights)[:, None]
-        rows = _combined(factors[0 if k < task.steps else 2], X) * weight
-        H = H + _gram(rows)
-        if U is not None:
-            H = H + _gram(_combined(factors[1], U) * weight)
-    return H
-
-
-def input_jacobian(task: Task, law: Parameters, motion: Motion) -> Array:
-    """Return du / d(parameters) at every step and node, (T, N, m, P), parameters in the order of `gauss_newton`."""
-    return np.stack([np.swapaxes(U, 0, 1) for _, U in _sensitivities(task, law, motion) if U is not None])
 
 
 def sensitivity(law: Parameters, slope: Array) -> Array:
@@ -238,68 +215,23 @@ def _patterns(slope: Array) -> tuple[np.ndarray, np.ndarray]:
         return everyone, everyone
     bits = np.zeros((N, 64), dtype=bool)
     bits[:, :q] = high
-    _, first, back = np.unique(np.packbits(bits, axis=1).view(np.uint64).ravel(), return_index=True, return_inverse=True)
+    codes = np.packbits(bits, axis=1).view(np.uint64).ravel()
+    _, first, back = np.unique(codes, return_index=True, return_inverse=True)
     return first, back
 
 
-def _linearized(task: Task, law: Parameters, motion: Motion) -> tuple[Array, Array, Array]:
-    """Return S (T, N, m, q), which inputs are inside their limits (T, N, m), and du/dx (T, N, m, n)."""
+def linearized(scenario: Scenario, law: Parameters, motion: Motion) -> tuple[Array, Array, Array]:
+    """Return S (T, N, m, q), whether each input is inside its limits (T, N, m), and du/dx (T, N, m, n)."""
     T, N, m = motion.v.shape
-    S = sensitivity(law, motion.slope.reshape(T * N, task.q)).reshape(T, N, m, task.q)
-    free = (motion.v > task.lower) & (motion.v < task.upper)
-    return S, free, free[..., None] * ((law.K + S @ law.U) @ task.C)
+    S = sensitivity(law, motion.slope.reshape(T * N, scenario.q)).reshape(T, N, m, scenario.q)
+    free = (motion.v > scenario.lower) & (motion.v < scenario.upper)
+    return S, free, free[..., None] * ((law.K + S @ law.U) @ scenario.C)
 
 
-def _sensitivities(task: Task, law: Parameters, motion: Motion) -> Iterator[tuple[Array, Array | None]]:
-    """Yield dx_k/d(parameters) (n, N, P) and du_k/d(parameters) (m, N, P) forward in time; no input at the last state."""
-    S, free, gain = _linearized(task, law, motion)
-    offset: Array = np.zeros(())
-    if task.anchored:
-        at_origin = sensitivity(law, motion.origin_slope[None])
-        offset = _explicit(at_origin, motion.origin_eta[None], np.zeros((1, task.C.shape[0])))
-    X: Array | None = None
-    for k in range(task.steps):
-        U = (_explicit(S[k], motion.eta[k], motion.x[k] @ task.C.T) - offset) * free[k].T[:, :, None]
-        if X is None:
-            X = np.zeros((task.A.shape[0], *U.shape[1:]))
-        for i, j in np.ndindex(*gain.shape[2:]):
-            U[i] += gain[k, :, i, j, None] * X[j]
-        yield X, U
-        X = _combined(task.A, X) + _combined(task.B, U)
-    assert X is not None
-    yield X, None
-
-
-def _explicit(S: Array, eta: Array, y: Array) -> Array:
-    """dv/d(W, U, V, K, b, d) at fixed y, (m, N, P): the rows of W and U act through S, those of V and K directly."""
-    N, m, q = S.shape
-    through = np.swapaxes(S, 0, 1)
-    ones = np.broadcast_to(np.eye(m)[:, None, :], (m, N, m))
-    blocks = [(through, eta), (through, y), (ones, eta), (ones, y)]
-    products = [(left[..., None] * right[None, :, None, :]).reshape(m, N, -1) for left, right in blocks]
-    return np.concatenate([*products, through, ones], axis=2)
-
-
-def _combined(matrix: Array, parts: Array) -> Array:
-    """matrix (a, c) times parts (c, N, P) along the first axis, as one product of two matrices."""
-    return (matrix @ parts.reshape(parts.shape[0], -1)).reshape(-1, *parts.shape[1:])
-
-
-def _gram(parts: Array) -> Array:
-    rows = parts.reshape(-1, parts.shape[2])
-    return rows.T @ rows
-
-
-def _root(weight: Array) -> Array:
-    """Return L' with L L' = weight, for weight >= 0, without the rows that are zero."""
-    values, vectors = np.linalg.eigh(weight)
-    kept = values > 1e-14 * np.max(np.abs(values), initial=0.0)
-    return np.sqrt(values[kept])[:, None] * vectors[:, kept].T
-
-
-def _cost(task: Task, x: Array, u: Array) -> float:
-    T = task.steps
-    stage = np.einsum("kni,kni->kn", x[:T] @ task.Q, x[:T]) + np.einsum("kni,kni->kn", u @ task.R, u)
-    last = np.einsum("ni,ni->n", x[T] @ task.terminal, x[T])
-    total = task.discount ** np.arange(T) @ (stage @ task.weights) + task.discount**T * (last @ task.weights)
+def _cost(scenario: Scenario, x: Array, u: Array) -> float:
+    T = scenario.steps
+    stage = np.einsum("kni,kni->kn", x[:T] @ scenario.Q, x[:T]) + np.einsum("kni,kni->kn", u @ scenario.R, u)
+    last = np.einsum("ni,ni->n", x[T] @ scenario.terminal, x[T])
+    total = scenario.discount ** np.arange(T) @ (stage @ scenario.weights)
+    total += scenario.discount**T * (last @ scenario.weights)
     return float(total) if np.isfinite(total) else np.inf

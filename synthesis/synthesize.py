@@ -22,6 +22,8 @@ from .estimate import estimate
 from .result import Attempt, Result
 from .starts.static_gain import best_static_gain, scaled_lqr_gain
 
+CELLS = 10_000
+
 Say = Callable[[str], None]
 
 
@@ -101,7 +103,7 @@ def _lower_bounds(plant: Plant, spec: Spec, notes: list[str], say: Say) -> dict[
     computed: dict[str, Bound] = {}
     for name, compute in (("linear controllers, first move", lambda: bounds.first_move(plant, spec)),
                           ("linear controllers, 20 moves", lambda: bounds.affine_moves(plant, spec, 20)),
-                          ("any controller", lambda: bounds.any_controller(plant, spec))):
+                          ("any controller", lambda: bounds.any_controller(plant, spec, cells=CELLS))):
         try:
             computed[name] = compute()
         except INCError as error:

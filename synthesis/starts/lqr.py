@@ -58,8 +58,8 @@ def discounted_lqr(plant: Any, spec: Spec) -> tuple[Array, Array]:
             f"the input does not reach the unstable mode {_named(modes[0], spec, plant)}, so every controller lets it "
             "grow: change B, or leave the mode out of the model")
     P = _riccati(damped, spec)
-    K = _gain(damped, spec, P)
-    if not _stable(damped, K):
+    K = _gain(damped, spec, P) if P is not None else np.zeros((plant.m, plant.n))
+    if P is None or not _stable(damped, K):
         unseen = Plant(damped.A, damped.B, C=spec.Q, dt=damped.dt).undetectable_modes() if np.any(spec.Q) else []
         which = f": Q does not see the mode {_named(unseen[0], spec, plant)}" if unseen else ""
         raise SolverError(f"the Riccati equation gives no gain that stabilizes the plant{which}")
@@ -86,7 +86,7 @@ def damped_plant(plant: Plant, spec: Spec) -> Plant:
     return plant
 
 
-def _riccati(damped: Plant, spec: Spec) -> Array:
+def _riccati(damped: Plant, spec: Spec) -> Array | None:
     from scipy.linalg import LinAlgError, LinAlgWarning, solve_continuous_are, solve_discrete_are
 
     if not damped.discrete and np.linalg.eigvalsh(spec.R)[0] <= 1e-12 * max(1.0, float(np.max(np.abs(spec.R)))):
@@ -102,20 +102,18 @@ def _riccati(damped: Plant, spec: Spec) -> Array:
         P = (P + P.T) / 2
         if _residual(damped, spec, P) <= _RESIDUAL_TOL and _stable(damped, _gain(damped, spec, P)):
             return P
-    if not damped.discrete:
-        raise SolverError("SciPy found no stabilizing solution of the continuous Riccati equation")
-    return _iterated(damped, spec)
+    return _iterated(damped, spec) if damped.discrete else None
 
 
-def _iterated(damped: Plant, spec: Spec) -> Array:
+def _iterated(damped: Plant, spec: Spec) -> Array | None:
     # From above zero in every direction value iteration comes to the stabilizing solution, where there is one.
     P = spec.Q + (np.trace(spec.Q) or 1.0) * np.eye(damped.n)
     for _ in range(_SWEEPS):
         before = P
         P = _swept(damped, spec, P)
         if np.linalg.norm(P - before) <= 1e-13 * np.linalg.norm(P):
-            break
-    return P
+            return P
+    return None
 
 
 def _swept(damped: Plant, spec: Spec, P: Array) -> Array:

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from inc_casadi.activations import Activation, ReLU
 from inc_casadi.arrays import Array, matrix, number
-from inc_casadi.errors import InvalidInputError
 from inc_casadi.inc import INC
 from inc_casadi.plant import Plant, as_plant
 from inc_casadi.sets.rules import whole
@@ -20,10 +19,10 @@ _READOUT = 0.1  # size of the random readout, as a share of the input range: the
 
 def random_start(plant: Any, spec: Spec, hidden: int, activation: Activation | None = None, kappa: float = 0.95,
                  seed: int = 0) -> INC:
-    """Return a random inner law v = V eta + d with K = 0 and v(0) = 0, whose kinks lie among the initial measurements.
+    """Return a random inner law v = V eta + d with K = 0 and v(0) = 0, its kinks among the initial measurements.
 
-    ||W||_inf = kappa / 2; each row of U has the size of one over the measurements' root mean square, and b is such that the
-    unit's preactivation without W vanishes at the measurement of a random initial state; V is a tenth of the input range.
+    ||W||_inf = kappa / 2; the rows of U are random directions over the root mean squares of the measurements, and b
+    makes U_i y + b_i vanish at the measurement y of a random initial state; V is about a tenth of the input range.
     Input limits are not part of the law: `train` applies them, or `inc.with_saturated_output(box)`.
 
     Parameters
@@ -122,9 +121,6 @@ def _units(plant: Plant, spec: Spec, hidden: int, kappa: float, rng: np.random.G
     W = rng.uniform(-1.0, 1.0, (q, q))
     W *= 0.5 * kappa / np.maximum(np.abs(W).sum(axis=1, keepdims=True), 1e-300)
     U = rng.standard_normal((q, plant.p))
-    length = np.linalg.norm(U, axis=1, keepdims=True)
-    if np.any(length == 0):
-        raise InvalidInputError(f"seed gives a hidden unit without a direction in R^{plant.p}: take another")
-    U = U / length / measurement_range(plant, spec)
+    U = U / np.linalg.norm(U, axis=1, keepdims=True) / measurement_range(plant, spec)
     kinks = plant.C @ spec.initial.sample(q, rng)
     return W, U, -np.einsum("qp,pq->q", U, kinks)

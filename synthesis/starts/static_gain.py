@@ -129,8 +129,8 @@ def _judged(plant: Plant, spec: Spec, F: Array) -> StaticGain:
 
 
 def _scaled(plant: Plant, spec: Spec, F: Array) -> Array:
-    # Times the largest t in [0, 1] that keeps the limits; unchanged when zero itself is not admissible.
-    if spec.inputs is None or np.any(spec.inputs.h < 0):
+    # Times the largest t in [0, 1] that keeps the limits, if any does.
+    if spec.inputs is None:
         return F
     rows = spec.inputs.H @ F @ plant.C
     most = np.sum(rows * farthest(spec.initial, rows.T).T, axis=1)

@@ -1,0 +1,232 @@
+"""Improve a start by one nonlinear program: the implicit controller is trained on rollouts from a quadrature."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from inc_casadi.arrays import Array, number
+from inc_casadi.errors import DimensionError, InvalidInputError
+from inc_casadi.inc import INC
+from inc_casadi.plant import Plant, as_plant
+from inc_casadi.sets import Box
+from inc_casadi.sets.rules import whole
+from inc_casadi.spec import Spec
+
+from .objective import Objective
+from .rollout import Parameters, Scenario, roll
+from .training_setup import Setup, balanced, row_bound, setup
+
+SHORT_HORIZON, SHORT_ITERATIONS = 2, 40
+_POOR = 4.0  # a start this many times above the cost without input limits is first brought near by a short horizon
+_GAIN = 1e-7  # relative; a smaller gain is noise of the estimate, and the start is the simpler law
+_BACKOFF = 1.2  # how much more than the violation seen by the judge an input constraint is tightened
+
+
+@dataclass(frozen=True, eq=False)
+class Training:
+    """A trained candidate; nothing about it is proved but its well-posedness.
+
+    inc: the law to be used, input limits of a box included by a saturated readout; inner: the law without them, as it
+    was trained; cost, start_cost: estimates of the discounted cost of `inc` and of the start, both rolled out on nodes
+    that training did not see; violation: largest H u - h met in these rollouts when the inputs are a polytope, else 0;
+    iterations: of IPOPT, all phases together; status: how the search ended, in words; seconds: wall time;
+    history: one dict(phase, iteration, cost, seconds) per iteration, with the cost on that phase's nodes and horizon.
+    """
+
+    inc: INC
+    inner: INC
+    cost: float
+    start_cost: float
+    violation: float
+    iterations: int
+    status: str
+    seconds: float
+    history: tuple[dict[str, Any], ...]
+
+    @property
+    def improved(self) -> bool:
+        """Whether the returned law costs less than the start."""
+        return self.cost < self.start_cost
+
+
+def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: int | None = None,
+          order: int | None = None, anchored: bool = True, frozen: Sequence[str] = (),
+          terminal: ArrayLike | None = None, method: str = "adjoint", hessian: str = "auto", max_iterations: int = 60,
+          time_limit: float | None = None, progress: Callable[[dict[str, Any]], None] | None = None,
+          seed: int = 0) -> Training:
+    """Return the implicit controller that one NLP, solved by IPOPT, makes of a start (eq:training_problem, discounted).
+
+    min sum_i w_i [ sum_{k<T} beta^k (x_k'Q x_k + u_k'R u_k) + beta^T x_T'P x_T ] over W, U, V, K, b (and d), where x_0
+    is node i of a quadrature of the initial distribution, subject to ||W||_inf <= kappa, which keeps every law well
+    posed (prop:projected_training_wp), with u_k = clip(v_k) for a box of inputs and H u_k <= h at all nodes for a
+    polytope; v = K y + V eta + d, eta = phi(W eta + U y + b). Derivatives are those of prop:implicit_gradients.
+
+    The phases: a horizon of 2 steps, which the terminal cost makes a good guess, when the start is poor; the horizon on
+    few nodes; the horizon on more. The best of start and phases on nodes that none of them saw is returned, so training
+    never makes it worse there. Smoothing is not used: kinks are left as they are.
+
+    Parameters
+    ----------
+    plant : discrete-time Plant or control.StateSpace
+    spec : Spec
+    start : the inner law to begin with: p measurements, m outputs, q >= 0 hidden units, input limits not built in.
+        ||W||_inf may exceed kappa if its units are homogeneous (ReLU) and rescaling them brings it below.
+    kappa : bound on ||W||_inf in (0, 1); tighter where an activation is steeper than 1
+    horizon : steps T of the rollout; by default until the LQR loop has contracted to a hundredth, within 15 and 50
+    order : quadrature points per axis; by default what at most 130 and then 400 nodes allow, random nodes if need be
+    anchored : d is not free but -V eta(0), so that u = 0 at y = 0 and the origin stays an equilibrium; only where 0 is
+        an admissible input
+    frozen : names among W, U, V, K, b, d that keep the values of the start; W is then not bounded by kappa
+    terminal : P (n, n) of the terminal cost, positive semidefinite; by default that of the discounted LQR, which for
+        measured output is a surrogate: it is the cost that state feedback without limits would still have
+    method : "adjoint", NumPy with batched adjoints through CasADi callbacks, or "graph", CasADi alone: slower, for
+        reference
+    hessian : "gauss-newton" with Levenberg damping, "limited-memory", or "auto": the former while q is small
+    max_iterations : of IPOPT on the full horizon and few nodes; half as many follow on more nodes
+    time_limit : seconds for the search, after which the best law so far is returned; the comparison at the end is extra
+    progress : called with dict(phase, iteration, cost, seconds) after each iteration
+    seed : of random nodes; with a time limit the result can depend on the machine
+
+    Returns
+    -------
+    Training. Solver failures, the time limit and KeyboardInterrupt end in its status, with the best law so far.
+
+    Raises
+    ------
+    InvalidInputError : a continuous plant (use plant.sampled(dt)), kappa outside (0, 1), an unknown option, or
+        ||W||_inf of the start above kappa for good
+    DimensionError : the start or the spec does not fit the plant
+    NotStabilizableError : no controller has a finite cost
+    SolverError : CasADi is missing
+
+    Examples
+    --------
+    >>> from inc_casadi import Box
+    >>> from synthesis.starts.random_start import linear_start
+    >>> plant = Plant(A=[[1.0, 1.0], [0.0, 1.0]], B=[[0.5], [1.0]])
+    >>> spec = Spec(Q=np.eye(2), R=0.1, discount=0.95, initial=Box([-3, -1.5], [3, 1.5]), inputs=Box(-0.5, 0.5))
+    >>> start = linear_start([[-0.6, -1.26]], plant, spec, hidden=4)
+    >>> result = train(plant, spec, start, horizon=15, order=5, max_iterations=10)
+    >>> result.improved, result.inner.well_posedness().norm <= 0.95
+    (True, True)
+    """
+    began = time.perf_counter()
+    plant = as_plant(plant)
+    _check(plant, spec, start, kappa, frozen, method, hessian)
+    start = start if "W" in frozen else balanced(start, row_bound(start.activations, kappa))
+    problem = setup(plant, spec, start, kappa=kappa, horizon=horizon, order=order, anchored=anchored, frozen=frozen,
+                    terminal=terminal, seed=seed)
+    limit = np.inf if time_limit is None else number("time_limit", time_limit, 0.0)
+    search = _Search(problem, method, hessian, whole("max_iterations", max_iterations, 0), began, limit, progress)
+    return _best(search, Parameters.of(start), search.run(Parameters.of(start)))
+
+
+@dataclass
+class _Search:
+    """The phases of one training, with what they have come to so far."""
+
+    setup: Setup
+    method: str
+    hessian: str
+    max_iterations: int
+    began: float
+    limit: float
+    progress: Callable[[dict[str, Any]], None] | None
+    status: str = "nothing searched"
+    history: list[dict[str, Any]] = field(default_factory=list)
+
+    @property
+    def seconds(self) -> float:
+        """Wall time since the training began."""
+        return time.perf_counter() - self.began
+
+    def run(self, law: Parameters) -> list[Parameters]:
+        """Return the laws that the phases end with, each phase beginning where the last one ended."""
+        laws: list[Parameters] = []
+        margin: Array | float = 0.0
+        coarse, fine = self.setup.coarse(), self.setup.fine()
+        phases = [("coarse", coarse, self.max_iterations), ("fine", fine, (self.max_iterations + 1) // 2)]
+        begun = roll(coarse, law).cost
+        if not begun <= _POOR * self.setup.scale:
+            phases.insert(0, ("short", replace(coarse, steps=SHORT_HORIZON), SHORT_ITERATIONS))
+        for name, scenario, iterations in phases:
+            if self.status == "interrupted" or iterations == 0 or self.seconds >= self.limit:
+                break
+            found = self.setup.settled(self._phase(name, scenario, law, iterations, margin))
+            if name == "short" and roll(coarse, found).cost >= begun:
+                continue
+            law = found
+            laws.append(law)
+            if self.setup.limits is not None:
+                margin = margin + _BACKOFF * np.maximum(self.setup.judge(law)[1], 0.0)
+        return laws
+
+    def _phase(self, name: str, scenario: Scenario, law: Parameters, iterations: int,
+               margin: Array | float) -> Parameters:
+        from .nlp import minimize
+
+        begun = self.seconds
+        limits = None if self.setup.limits is None else (self.setup.limits[0], self.setup.limits[1] - margin)
+        sketch = self.setup.sketch(scenario)
+        objective = Objective(scenario, self.setup.layout, self.setup.scale, limits, sketch)
+        hessian = self.hessian
+        if hessian == "auto":
+            hessian = "limited-memory" if sketch is None else "gauss-newton"
+
+        def row(iteration: int, cost: float, seconds: float) -> dict[str, Any]:
+            return {"phase": name, "iteration": iteration, "cost": cost, "seconds": begun + seconds}
+
+        def report(iteration: int, cost: float, seconds: float) -> None:
+            if self.progress is not None:
+                self.progress(row(iteration, cost, seconds))
+
+        outcome = minimize(objective, law, method=self.method, hessian=hessian, max_iterations=iterations,
+                           time_limit=None if np.isinf(self.limit) else self.limit - begun, progress=report)
+        self.status = outcome.status
+        self.history += [row(*values) for values in outcome.history]
+        return outcome.law
+
+
+def _best(search: _Search, start: Parameters, laws: list[Parameters]) -> Training:
+    """Return the cheapest law, on nodes unseen, among those that keep the input limits as well as the start does."""
+    problem = search.setup
+    judged = [problem.judge(law) for law in (start, *laws)]
+    excess = [float(np.max(rows, initial=0.0)) for _, rows in judged]
+    costs = [cost if over <= max(excess[0], 1e-9) else np.inf for (cost, _), over in zip(judged, excess, strict=True)]
+    costs[0] *= 1.0 - _GAIN
+    best = int(np.argmin(costs))
+    inner = problem.inner((start, *laws)[best])
+    inputs = problem.spec.inputs
+    status = search.status if best else f"the start is kept ({search.status})"
+    return Training(
+        inc=inner.with_saturated_output(inputs) if isinstance(inputs, Box) else inner, inner=inner,
+        cost=judged[best][0], start_cost=judged[0][0], violation=excess[best],
+        iterations=sum(row["iteration"] > 0 for row in search.history), status=status, seconds=search.seconds,
+        history=tuple(search.history))
+
+
+def _check(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[str], method: str,
+           hessian: str) -> None:
+    if not plant.discrete:
+        raise InvalidInputError("training rolls the loop out in discrete time, but the plant is continuous (dt = 0): "
+                                "sample it first, plant.sampled(dt)")
+    spec.check(plant)
+    if not isinstance(start, INC):
+        raise InvalidInputError(f"start must be an INC, not {type(start).__name__}")
+    if (start.p, start.m) != (plant.p, plant.m):
+        raise DimensionError(f"start maps {start.p} measurements to {start.m} inputs, but the plant has {plant.p} "
+                             f"measurements and {plant.m} inputs")
+    number("kappa", kappa, 0.0, 1.0, open_low=True, open_high=True)
+    unknown = set(frozen) - set(Parameters._fields)
+    if isinstance(frozen, str) or unknown:
+        raise InvalidInputError(f"frozen must list names among {', '.join(Parameters._fields)}, not {frozen!r}")
+    if method not in ("adjoint", "graph"):
+        raise InvalidInputError(f"method is {method!r}, but must be 'adjoint' or 'graph'")
+    if hessian not in ("auto", "gauss-newton", "limited-memory"):
+        raise InvalidInputError(f"hessian is {hessian!r}, but must be 'auto', 'gauss-newton' or 'limited-memory'")
