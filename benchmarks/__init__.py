@@ -1,0 +1,1 @@
+"""The paper's figures recomputed, and how fast that goes: `python -m benchmarks paper`, `speed` or `main`."""

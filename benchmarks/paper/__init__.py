@@ -1,0 +1,6 @@
+"""The paper's figures, computed and set beside what is printed."""
+
+from .figures import all_rows, report
+from .row import Row, table
+
+__all__ = ["Row", "all_rows", "report", "table"]
