@@ -20,7 +20,7 @@ from .claims.base import Claim
 from .errors import InvalidInputError, NotCertifiedError
 from .inc import INC
 from .loop import ClosedLoop, close_loop, stacked_matrices
-from .multipliers import Multiplier, as_multiplier
+from .multipliers import Multiplier, Unknown, as_multiplier
 from .plant import Plant, as_plant
 from .readings import Rational, Reading, Rounded
 
@@ -122,14 +122,13 @@ class MatrixCertificate(Certificate):
         if not isinstance(self.claim, Claim):
             raise InvalidInputError(f"claim is {self.claim!r}, but must be a Claim such as Stability()")
         self.claim.check(self.plant, self.inc)
-        unknowns = (*self.claim.unknowns(self.loop), *self.multiplier.unknowns(self.loop))
-        names = [unknown.name for unknown in unknowns]
+        names = [unknown.name for unknown in self._unknowns]
         if sorted(names) != sorted(self.values):
             given = ", ".join(sorted(self.values)) or "nothing"
             raise InvalidInputError(f"values holds {given}, but claim and multiplier {self.multiplier.name} ask for "
                                     f"{', '.join(names)}")
         values: dict[str, Array] = {}
-        for unknown in unknowns:
+        for unknown in self._unknowns:
             value = self.values[unknown.name]
             if unknown.is_symmetric:
                 values[unknown.name] = symmetric(unknown.name, value, unknown.shape[0])
@@ -156,15 +155,21 @@ class MatrixCertificate(Certificate):
         "<unknown> >= 0": the smallest entry; zero is enough. Any other: the smallest eigenvalue of D^-1 M D^-1, where
         D_i^2 is the sum of the magnitudes of all terms that make up M_ii, so that the figure is what cancellation
         has left and does not change with the units of a state or of a hidden unit; less a bound on every rounding error
-        made in forming M and its eigenvalue. Positive proves M > 0 up to the eigenvalue routine's own error analysis.
+        made in forming M and on that of the eigenvalue. When this leaves the sign open, exact arithmetic decides it, and
+        the margin is the computed eigenvalue, but positive if and only if M > 0.
         """
         margins = {"well-posed": self._contraction_margin()}
-        for unknown in (*self.claim.unknowns(self.loop), *self.multiplier.unknowns(self.loop)):
+        for unknown in self._unknowns:
             if unknown.signed.any():
                 margins[f"{unknown.name} >= 0"] = float(self.values[unknown.name][unknown.signed].min())
         with np.errstate(over="ignore", invalid="ignore"):
             conditions = self._conditions(Rounded)
-            margins.update({name: _definiteness_margin(condition) for name, condition in conditions.items()})
+        for name, condition in conditions.items():
+            smallest, room = _smallest_eigenvalue(condition)
+            if smallest - room > 0 or not smallest + room >= 0:
+                margins[name] = smallest - room
+            else:
+                margins[name] = _with_sign(smallest, exact.is_positive_definite(self._rational[name].numbers))
         return margins
 
     @property
@@ -210,10 +215,10 @@ class MatrixCertificate(Certificate):
         obstacle = self.claim.obstacle(self.plant, self.inc, exactly=True)
         if obstacle:
             return obstacle
-        for unknown in (*self.claim.unknowns(self.loop), *self.multiplier.unknowns(self.loop)):
+        for unknown in self._unknowns:
             if not np.all(self.values[unknown.name][unknown.signed] >= 0):
                 return f"{unknown.name} has a negative entry"
-        for name, condition in self._conditions(Rational).items():
+        for name, condition in self._rational.items():
             if not exact.is_positive_definite(condition.numbers):
                 return f"with the {self.multiplier.name} multiplier, the condition {name!r} is not positive definite"
         return ""
@@ -223,13 +228,25 @@ class MatrixCertificate(Certificate):
         values = {name: kind.lift(value) for name, value in self.values.items()}
         return self.claim.conditions(loop, values, self.multiplier.matrix(loop, values))
 
+    @cached_property
+    def _unknowns(self) -> tuple[Unknown, ...]:
+        return (*self.claim.unknowns(self.loop), *self.multiplier.unknowns(self.loop))
+
+    @cached_property
+    def _rational(self) -> dict[str, Rational]:
+        """The conditions without any rounding."""
+        return self._conditions(Rational)
+
     def _contraction_margin(self) -> float:
-        weights = self.inc.well_posedness().weights
+        weights, W, slope = self.inc.well_posedness().weights, self.inc.W, lipschitz(self.inc.activations)
         if not (np.all(np.isfinite(weights)) and np.all(weights > 0)):
             return -np.inf
-        slope = lipschitz(self.inc.activations)
-        slack = Rounded.lift(weights) - (Rounded.lift(slope[:, None]) * np.abs(self.inc.W)) @ weights
-        return float(np.min((slack.value - slack.error) / weights, initial=1.0))
+        slack = Rounded.lift(weights) - (Rounded.lift(slope[:, None]) * np.abs(W)) @ weights
+        smallest = float(np.min(slack.value / weights, initial=1.0))
+        lowest = float(np.min((slack.value - slack.error) / weights, initial=1.0))
+        if lowest > 0 or np.any(slack.value + slack.error < 0):
+            return lowest
+        return _with_sign(smallest, exact.contracts(slope, W, weights))
 
     def _not_well_posed(self) -> str:
         test = self.inc.well_posedness()
@@ -250,13 +267,18 @@ def _passes(name: str, margin: float) -> bool:
     return margin >= 0 if name.endswith(">= 0") else margin > 0
 
 
-def _definiteness_margin(condition: Rounded) -> float:
+def _smallest_eigenvalue(condition: Rounded) -> tuple[float, float]:
+    """Return the smallest eigenvalue of D^-1 M D^-1 and a bound on its error; (-inf, 0) after an overflow."""
     value, size, error = condition.value, condition.size, condition.error
     if not np.all(np.isfinite(size)):
-        return -np.inf
+        return -np.inf, 0.0
     scale = np.sqrt(np.diag(size))
     scale = np.where(scale > 0, scale, 1.0)
     scaled, room = value / np.outer(scale, scale), error / np.outer(scale, scale)
-    smallest = float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0])
     rounding = EIGENVALUE_ROUNDING * len(scaled) * np.finfo(float).eps * np.linalg.norm(scaled)
-    return smallest - float(np.linalg.norm(room)) - float(rounding)
+    return float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0]), float(np.linalg.norm(room) + rounding)
+
+
+def _with_sign(estimate: float, positive: bool) -> float:
+    """Return a floating-point estimate of a margin whose sign is known."""
+    return max(estimate, np.finfo(float).tiny) if positive else min(estimate, 0.0)

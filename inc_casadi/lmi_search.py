@@ -28,7 +28,7 @@ RATE_TOLERANCE = 1e-4
 LARGEST_SCALE = 1e4
 TIE_BREAK = 1e-9
 CLOSE = 1e-3  # a relative margin that other coordinates may still mend
-ROOM = 1e-9  # relative margin kept when a rate is pushed as far as given numbers go
+KEPT = 0.98  # of what given numbers prove beyond the rate they were found for; the rest stays as a margin
 
 
 def search(plant: Plant, inc: INC, claim: Claim, multiplier: Multiplier) -> MatrixCertificate:
@@ -123,15 +123,17 @@ def _solve(loop: ClosedLoop, claim: Claim, multiplier: Multiplier, frame: Frame,
     slack: least eigenvalue asked for while the objective is minimized; None to maximize it instead.
     """
     cp = _cvxpy()
-    unknowns = _unknowns(loop, claim, multiplier)
-    variables = {unknown.name: _variable(cp, unknown) for unknown in unknowns}
-    values = {unknown.name: _in_loop(unknown, variables[unknown.name], frame) for unknown in unknowns}
-    constraints = [variables[u.name][u.signed] >= 0 for u in unknowns if u.signed.any()]
+    twin = frame.twin(loop)
+    wanted, multipliers = claim.unknowns(loop), multiplier.unknowns(loop)
+    variables = {unknown.name: _variable(cp, unknown) for unknown in (*wanted, *multipliers)}
+    values = variables | {unknown.name: _in_loop(unknown, variables[unknown.name], frame) for unknown in wanted}
+    constraints = [variables[u.name][u.signed] >= 0 for u in (*wanted, *multipliers) if u.signed.any()]
     level = cp.Variable() if slack is None else slack
-    for condition in claim.conditions(loop, values, multiplier.matrix(loop, values)).values():
-        turn = frame.congruence(condition.shape[0])
-        constraints.append(turn.T @ condition @ turn - level * np.eye(len(turn)) >> 0)
-    sizes = [cp.trace(variables[u.name]) / u.shape[0] for u in claim.unknowns(loop) if u.is_symmetric]
+    for condition in claim.conditions(twin, values, multiplier.matrix(twin, values)).values():
+        in_frame = next((variables[u.name] for u in wanted if condition is values[u.name]), None)
+        in_frame = _in_frame(condition, frame) if in_frame is None else in_frame
+        constraints.append(in_frame - level * np.eye(condition.shape[0]) >> 0)
+    sizes = [cp.trace(variables[u.name]) / u.shape[0] for u in wanted if u.is_symmetric]
     if slack is None:
         homogeneous = not any(np.any(part) for part in _at_zero(loop, claim, multiplier).values())
         constraints += [level <= 1.0] + [size <= (1.0 if homogeneous else LARGEST_SCALE) for size in sizes]
@@ -140,7 +142,9 @@ def _solve(loop: ClosedLoop, claim: Claim, multiplier: Multiplier, frame: Frame,
         goal = cp.Minimize(_scaled_objective(loop, claim, frame, values) + TIE_BREAK * sum(sizes))
     if not _run(cp, cp.Problem(goal, constraints)):
         return None
-    return {unknown.name: _number(unknown, variables[unknown.name], frame) for unknown in unknowns}
+    found = {unknown.name: _number(unknown, variables[unknown.name]) for unknown in (*wanted, *multipliers)}
+    restored = multiplier.restored(loop, {u.name: found[u.name] for u in multipliers}, frame.S, frame.sizes)
+    return {u.name: _in_loop(u, found[u.name], frame) for u in wanted} | restored
 
 
 def _variable(cp: Any, unknown: Unknown) -> Any:
@@ -151,17 +155,23 @@ def _variable(cp: Any, unknown: Unknown) -> Any:
 
 
 def _in_loop(unknown: Unknown, value: Any, frame: Frame) -> Any:
-    """Return what a variable of the frame is in the loop's coordinates: quadratic forms turn, all else stays."""
-    if unknown.kind != "symmetric" or unknown.shape[0] not in (len(frame.T), len(frame.S)):
+    """Return what a claim's unknown of the frame is in the loop's coordinates: P = T'P~T, all else stays."""
+    if unknown.kind != "symmetric" or unknown.shape[0] != len(frame.T):
         return value
-    turn = frame.inverse(unknown.shape[0])
-    return turn.T @ value @ turn
+    return frame.T.T @ value @ frame.T
 
 
-def _number(unknown: Unknown, variable: Any, frame: Frame) -> Array:
+def _in_frame(condition: Any, frame: Frame) -> Any:
+    """Return a condition in the frame; those on s are there already, because the twin's matrices are."""
+    if condition.shape[0] == len(frame.S) or condition.shape[0] != len(frame.T):
+        return condition
+    back = frame.S[: len(frame.T), : len(frame.T)]
+    return back.T @ condition @ back
+
+
+def _number(unknown: Unknown, variable: Any) -> Array:
     """Return the solver's value, exactly symmetric and without the tiny negative entries that it leaves."""
-    value = getattr(variable, "value", variable)
-    value = _in_loop(unknown, np.asarray(value, dtype=float).reshape(unknown.shape), frame)
+    value = np.asarray(getattr(variable, "value", variable), dtype=float).reshape(unknown.shape)
     if unknown.is_symmetric:
         value = (value + value.T) / 2
     return np.where(unknown.signed, np.maximum(value, 0.0), value)
@@ -229,14 +239,14 @@ def _at_speed(loop: ClosedLoop, speed: float) -> Stability:
 
 
 def _pushed(found: MatrixCertificate, speed: float, ceiling: float) -> tuple[float, MatrixCertificate]:
-    """Return the fastest rate below the ceiling that the numbers of a certificate prove with room to spare."""
-    best = found
-    step = ceiling
-    while step > max(1e-3 * RATE_TOLERANCE * ceiling, 0.1 * RATE_TOLERANCE * speed):
+    """Return a rate near the fastest one below the ceiling that the numbers of a certificate prove."""
+    fastest, step = speed, ceiling
+    while step > max(1e-3 * RATE_TOLERANCE * ceiling, 0.1 * RATE_TOLERANCE * fastest):
         step /= 2.0
-        if speed + step >= ceiling:
-            continue
-        trial = replace(found, claim=_at_speed(found.loop, speed + step))
-        if worst_margin(trial) > ROOM:
-            speed, best = speed + step, trial
-    return speed, best
+        trial = fastest + step
+        if trial < ceiling and worst_margin(replace(found, claim=_at_speed(found.loop, trial))) > 0:
+            fastest = trial
+    if fastest == speed:
+        return speed, found
+    speed += KEPT * (fastest - speed)
+    return speed, replace(found, claim=_at_speed(found.loop, speed))

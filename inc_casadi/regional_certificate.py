@@ -14,13 +14,13 @@ from .activations.stack import lipschitz
 from .arrays import Array, number, symmetric
 from .certificate import Certificate, Proof
 from .claims.regional import Regional
-from .errors import DimensionError, InvalidInputError
+from .errors import ConvergenceError, InvalidInputError
 from .inc import INC
 from .loop import close_loop
 from .pieces.laws import PiecewiseLoop
 from .pieces.terminal import TerminalSet, find, in_fractions, refusal, with_ellipsoid
 from .pieces.walk import Budget, Walk, walk
-from .plant import Plant
+from .plant import Plant, as_plant
 
 ROUNDING = 1e-9
 LIMIT_TOLERANCE = 1e-12
@@ -46,6 +46,7 @@ class RegionalCertificate(Certificate):
     note: str = ""
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "plant", as_plant(self.plant))
         close_loop(self.plant, self.inc)
         if not isinstance(self.claim, Regional):
             raise InvalidInputError(f"claim is {self.claim!r}, but a regional certificate needs a Regional claim")
@@ -56,7 +57,9 @@ class RegionalCertificate(Certificate):
 
     @cached_property
     def walk(self) -> Walk | None:
-        """The walk in floats, or None without a terminal set."""
+        """The walk in floats, or None without a terminal set or where exact pieces do not apply."""
+        if self._structure():
+            return None
         loop, terminal = self._setting
         return None if terminal is None else walk(loop, self.claim, terminal, self.budget)
 
@@ -99,11 +102,11 @@ class RegionalCertificate(Certificate):
         if trouble:
             return trouble
         loop, terminal = self._setting
-        if terminal is None or self.walk is None:
+        if terminal is None:
             return self.note or "no terminal set is stored"
-        trouble = refusal(loop, self.claim, terminal)
-        if trouble:
-            return trouble
+        unsound = refusal(loop, self.claim, terminal)
+        if unsound or self.walk is None:
+            return unsound or "the motions were not followed"
         return self._walk_trouble(self.walk, LIMIT_TOLERANCE * self._input_size())
 
     @property
@@ -120,9 +123,13 @@ class RegionalCertificate(Certificate):
                 f"most {self.worst[0] * (1 + ROUNDING):.8g} from any point.")
 
     def prove(self) -> Proof:
-        """Repeat the walk in exact fractions: terminal set, limits, convergence and both cost bounds, no float in it."""
+        """Repeat the walk in exact fractions: terminal set, limits, convergence and both cost bounds, no float in it.
+
+        What is proved speaks of the simplices that the initial set lists, with their corners taken exactly as stored.
+        Nothing is tried when the walk in floats has failed already.
+        """
         start = time.perf_counter()
-        trouble = self._structure() or self._exact_trouble()
+        trouble = self.reason or self._exact_trouble()
         return Proof(not trouble, "exact fractions over all pieces", time.perf_counter() - start, trouble)
 
     @cached_property
@@ -157,7 +164,10 @@ class RegionalCertificate(Certificate):
         trouble = refusal(loop, self.claim, terminal)
         if trouble:
             return trouble
-        steps = walk(loop, self.claim, terminal, self.budget)
+        try:
+            steps = walk(loop, self.claim, terminal, self.budget)
+        except ConvergenceError as error:
+            return str(error)
         trouble = self._walk_trouble(steps, 0.0)
         if trouble:
             return trouble
@@ -185,15 +195,12 @@ def certify_region(plant: Plant, inc: INC, claim: Regional, budget: Budget | Non
     Raises DimensionError when claim, plant and controller do not fit; anything else that stands in the way is the
     certificate's `reason`.
     """
-    close_loop(plant, inc)
-    if claim.Q.shape[0] != plant.n:
-        raise DimensionError(f"Q is {claim.Q.shape[0]} x {claim.Q.shape[0]}, but the plant has {plant.n} states")
     budget = budget or Budget()
     bare = RegionalCertificate(plant, inc, claim, None, 0.0, budget)
     trouble = bare._structure()
     if trouble:
         return RegionalCertificate(plant, inc, claim, None, 0.0, budget, trouble)
-    terminal, why = find(PiecewiseLoop(plant, bare._law), claim)
+    terminal, why = find(PiecewiseLoop(bare.plant, bare._law), claim)
     if terminal is None:
         return RegionalCertificate(plant, inc, claim, None, 0.0, budget, why)
     return RegionalCertificate(plant, inc, claim, terminal.P, float(terminal.level), budget)  # type: ignore[arg-type]

@@ -31,7 +31,7 @@ def hidden(inc, y, iterations=400):
     for _ in range(iterations):
         z = inc.W @ eta + inc.U @ y + inc.b[:, None]
         new = np.array([phi(unit, z[i]) for i, unit in enumerate(inc.activations)]).reshape(eta.shape)
-        if np.max(np.abs(new - eta), initial=0.0) < 1e-15:
+        if np.all(np.abs(new - eta) <= 1e-15 * (1 + np.max(np.abs(new), initial=0.0))):
             break
         eta = new
     return eta

@@ -10,7 +10,7 @@ import numpy as np
 from ..arrays import Array
 from ..errors import SolverError
 from ..plant import Plant
-from ..sets import Distribution, Ellipsoid
+from ..sets import Box, Distribution, Ellipsoid
 from ..spec import Spec
 from .measured import Rows
 
@@ -90,6 +90,8 @@ def farthest(initial: Distribution, directions: Array) -> Array:
         steps = np.linalg.solve(support.P, directions)
         sizes = np.sqrt(np.maximum(np.sum(directions * steps, axis=0), np.finfo(float).tiny))
         return support.center[:, None] + np.sqrt(support.level) * steps / sizes
+    if isinstance(support, Box):
+        return np.where(directions > 0, support.upper[:, None], support.lower[:, None])
     return initial.vertices[:, np.argmax(initial.vertices.T @ directions, axis=0)]
 
 
@@ -97,7 +99,8 @@ def best_moves(program: AffineProgram, cuts: Cuts) -> tuple[Array, Array]:
     """Return U (N, m, n + 1) and multipliers (c,) >= 0 of the cuts, as good as Clarabel finds them.
 
     The unknowns are X_k L for k = 1..N and the coefficients G_k of the moves on functions of x_0 that are orthonormal
-    under its distribution; inputs are scaled by their limits and the cost by the part that no move changes.
+    under its distribution; inputs are scaled by their limits, the cost by the part that no move changes, and what is to
+    come by the square root of its discount.
 
     Raises
     ------
@@ -115,12 +118,12 @@ def best_moves(program: AffineProgram, cuts: Cuts) -> tuple[Array, Array]:
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
     cones = [clarabel.ZeroConeT(equalities), clarabel.NonnegativeConeT(len(g) - equalities)]
     found = clarabel.DefaultSolver(sparse.triu(hessian).tocsc(), np.zeros(G.shape[1]), G, g, cones, settings).solve()
-    z, multipliers = np.array(found.x), np.array(found.z)[equalities:] * _scale(program)
+    z, multipliers = np.array(found.x), np.empty(cuts.move.size)
+    multipliers[np.argsort(cuts.move, kind="stable")] = np.array(found.z)[equalities:]  # the rows are grouped by move
+    multipliers *= _scale(program) * _damping(program)[cuts.move]
     if not (np.all(np.isfinite(z)) and np.all(np.isfinite(multipliers))):
         raise SolverError(f"Clarabel ended with status {found.status} and without finite numbers")
-    ordered = np.empty_like(multipliers)
-    ordered[np.argsort(cuts.move, kind="stable")] = multipliers  # the rows of G are grouped by move
-    return _moves(program, features, z), np.maximum(ordered, 0.0)
+    return _moves(program, features, z), np.maximum(multipliers, 0.0)
 
 
 def _features(L: Array, rows: Rows) -> tuple[Array, Array]:
@@ -138,6 +141,11 @@ def _scale(program: AffineProgram) -> float:
     return float(np.sum(program.spec.Q * program.spec.initial.second_moment)) or 1.0
 
 
+def _damping(program: AffineProgram) -> Array:
+    # The factors (N + 1,) by which states and moves are scaled; far ahead they stay, not to underflow.
+    return np.maximum(program.spec.discount ** (np.arange(len(program.rows) + 1) / 2), 1e-8)
+
+
 def _units(program: AffineProgram) -> Array:
     assert program.spec.inputs is not None
     return np.max(np.abs(program.spec.inputs.vertices), axis=1)
@@ -151,22 +159,23 @@ def _matrices(program: AffineProgram, cuts: Cuts, features: list[tuple[Array, Ar
     N, s = len(features), program.root.shape[1]
     A, B = sparse.csr_array(plant.A), plant.B * units
     R, H = spec.R * np.outer(units, units), spec.inputs.H * units
-    weights = 2 * spec.discount ** np.arange(N + 1) / _scale(program)
+    damping = _damping(program)
+    weights = 2 * spec.discount ** np.arange(N + 1) / _scale(program) / damping**2
     blocks = [sparse.kron(weights[k + 1] * spec.Q, sparse.eye_array(s)) for k in range(N)]
     blocks += [sparse.kron(weights[k] * R, sparse.eye_array(len(features[k][0]))) for k in range(N)]
     grid: list[list[Any]] = [[None] * (2 * N) for _ in range(2 * N)]
     right = [np.zeros(plant.n * s) for _ in range(N)]
-    right[0] = (plant.A @ program.root[:-1]).ravel()
+    right[0] = damping[1] * (plant.A @ program.root[:-1]).ravel()
     for k, (F, FL) in enumerate(features):
         grid[k][k] = sparse.eye_array(plant.n * s)
         if k:
-            grid[k][k - 1] = -sparse.kron(A, sparse.eye_array(s))
-        grid[k][N + k] = -sparse.kron(B, FL.T)
+            grid[k][k - 1] = -damping[k + 1] / damping[k] * sparse.kron(A, sparse.eye_array(s))
+        grid[k][N + k] = -damping[k + 1] / damping[k] * sparse.kron(B, FL.T)
         mine = cuts.move == k
         values = (F @ extended(cuts.point[:, mine])).T
         rows = H[cuts.facet[mine]][:, :, None] * values[:, None, :]
         grid[N + k][N + k] = sparse.csr_array(rows.reshape(len(values), -1))
-        right.append(spec.inputs.h[cuts.facet[mine]])
+        right.append(damping[k] * spec.inputs.h[cuts.facet[mine]])
     hessian, G = sparse.block_diag(blocks), sparse.block_array(grid).tocsc()
     return hessian, G, np.concatenate(right), N * plant.n * s
 
@@ -176,4 +185,5 @@ def _moves(program: AffineProgram, features: list[tuple[Array, Array]], z: Array
     sizes = [plant.m * len(F) for F, _ in features]
     parts = np.split(z[N * plant.n * program.root.shape[1]:], np.cumsum(sizes)[:-1])
     units = _units(program)[:, None]
-    return np.stack([units * (part.reshape(plant.m, -1) @ F) for part, (F, _) in zip(parts, features, strict=True)])
+    triples = zip(parts, features, _damping(program)[:-1], strict=True)
+    return np.stack([units / scale * (part.reshape(plant.m, -1) @ F) for part, (F, _), scale in triples])

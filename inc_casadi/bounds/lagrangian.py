@@ -100,7 +100,11 @@ class Frame:
         return float(np.sum(np.abs(self.on_anchors(M)) @ np.abs(self.seen.T) * np.outer(reach, self.sizes)))
 
     def missed(self, M: Array, reach: Array) -> float:
-        """Return how much <M, U> can lie below what the rounded row basis sees of it."""
+        """Return how much <M, U> can lie below what the anchors and the rounded row basis see of it."""
+        off = np.abs(self.on_anchors(M) @ self.seen.T - M @ self.E.T)
+        return float(np.sum(off * np.outer(reach, self.sizes))) + self._unseen(M, reach)
+
+    def _unseen(self, M: Array, reach: Array) -> float:
         R = self.rows.basis
         if self.rows.sine == 0:
             return 0.0

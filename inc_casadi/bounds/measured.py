@@ -41,7 +41,7 @@ def measured_rows(plant: Plant, moves: int) -> list[Rows]:
         before = len(echelon)
         for row in new:
             _extend(echelon, row)
-        found.append(_orthonormal([row for _, row in echelon], plant.n))
+        found.append(orthonormal([row for _, row in echelon], plant.n))
         if len(echelon) in (before, plant.n):
             break
         new = [row @ A for _, row in echelon[before:]]
@@ -62,7 +62,12 @@ def _extend(echelon: list[tuple[int, np.ndarray]], row: np.ndarray) -> None:
         echelon.append((pivot, row / row[pivot]))
 
 
-def _orthonormal(rows: list[np.ndarray], n: int) -> Rows:
+def orthonormal(rows: list[np.ndarray], n: int) -> Rows:
+    """Return an orthonormal basis of the span of linearly independent rows of Fractions, of n entries each.
+
+    >>> abs(orthonormal([np.array([Fraction(0), Fraction(2)])], 2).basis).tolist()
+    [[0.0, 1.0]]
+    """
     if len(rows) == n:
         return _everything(n)
     if not rows:

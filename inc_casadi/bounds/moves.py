@@ -109,7 +109,7 @@ def minorant(plant: Plant, spec: Spec, P: Array, x: Array, u: Array, u_reach: Ar
     offset = np.sum(weights * (x[:T] * (Q @ x[:T])), axis=(0, 1)) + np.sum(weights * (u * (R @ u)), axis=(0, 1)) + last
     absA, absB, absQ, absR = np.abs(A), np.abs(B), np.abs(Q), np.abs(R)
     reach = np.broadcast_to(np.abs(u_reach), u.shape)
-    states = _reached(A, B, np.abs(x[0]), reach)
+    states = reached(A, B, np.abs(x[0]), reach)
     sizes = absA.T @ np.abs(p[1:]) + 2 * weights * (absQ @ np.abs(x[:T]))
     input_sizes = absB.T @ np.abs(p[1:]) + 2 * weights * (absR @ np.abs(u))
     ends = 2 * beta**T * np.sum((np.abs(P) @ np.abs(x[T])) * states[T], axis=0)
@@ -121,9 +121,15 @@ def minorant(plant: Plant, spec: Spec, P: Array, x: Array, u: Array, u_reach: Ar
     return Minorant(p[0], slopes(B, R, beta, u, p), offset, slack)
 
 
-def _reached(A: Array, B: Array, x0: Array, reach: Array) -> Array:
-    # Bounds (T + 1, n, c) on |x_k|: |A^k| |x_0| + sum_{j<k} |A^j B| max_i |u_i|. Powers, not products of absolute
-    # values, so that oscillations do not look like growth.
+def reached(A: Array, B: Array, x0: Array, reach: Array) -> Array:
+    """Return bounds (T + 1, n, c) on |x_k| for |x_0| <= x0 (n, c) and |u_k| <= reach_k, reach (T, m, c).
+
+    |x_k| <= |A^k| x0 + sum_{j<k} |A^j B| max_i reach_i: powers, not products of absolute values, so that oscillations do
+    not look like growth.
+
+    >>> reached(np.array([[-2.0]]), np.array([[1.0]]), np.array([[1.0]]), np.ones((2, 1, 1))).ravel().tolist()
+    [1.0, 3.0, 7.0]
+    """
     states = np.empty((len(reach) + 1, *x0.shape))
     power, pushed, most = np.eye(len(A)), np.zeros(B.shape), np.max(reach, axis=0)
     for k in range(len(states)):

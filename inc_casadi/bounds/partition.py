@@ -81,8 +81,9 @@ def intervals(widths: Array, cells: int) -> list[int]:
     cut = int(np.count_nonzero(widths))
     counts = np.where(widths > 0, max(1, int(cells ** (1 / max(cut, 1)) + 1e-9)), 1)
     while True:
+        least = np.min(counts[widths > 0], initial=cells)
         finer = counts[:, None] + np.eye(len(counts), dtype=int)
-        allowed = np.flatnonzero((np.prod(finer, axis=0) <= cells) & (widths > 0) & (counts <= counts.min()))
+        allowed = np.flatnonzero((np.prod(finer, axis=0) <= cells) & (widths > 0) & (counts <= least))
         if not allowed.size:
             return [int(count) for count in counts]
         counts[allowed[np.argmax(widths[allowed])]] += 1
@@ -152,6 +153,9 @@ def _orthant(n: int, cells: int) -> Cells:
     # The positive orthant of the unit ball: a fan of simplices with a corner at the origin and the others on the
     # sphere, cut further, and as the last cell what lies between the fan and the sphere. Its mean is what the fan
     # leaves of the orthant's, each coordinate of which is Gamma(n/2 + 1) / (sqrt(pi) (n + 1) Gamma((n + 1)/2)).
+    mean = 2 * exp(lgamma(n / 2 + 1) - lgamma((n + 1) / 2)) / (sqrt(pi) * (n + 1)) * np.ones(n)
+    if cells < 2:
+        return Cells(np.ones(1), mean[:, None])
     directions = np.eye(n)[None]
     while (2 * len(directions)) ** n <= cells ** (n - 1):
         directions = _halved(directions)
@@ -160,7 +164,6 @@ def _orthant(n: int, cells: int) -> Cells:
     while 2 * len(corners) < cells:
         corners = _halved(corners)
     whole = exp(n / 2 * log(pi) - lgamma(n / 2 + 1)) / 2**n
-    mean = 2 * exp(lgamma(n / 2 + 1) - lgamma((n + 1) / 2)) / (sqrt(pi) * (n + 1)) * np.ones(n)
     parts = volumes(corners) / whole
     centroids = corners.mean(axis=1).T
     left = 1 - parts.sum()

@@ -18,6 +18,7 @@ from .moves import costates, discount_powers, rollout, slopes
 
 _ITERATIONS = 40
 _TO_BOUNDARY = 0.995
+_GOOD = 1e-7  # relative gap from which on a step that does not improve it ends the search
 _STIFFEST = 1e11  # barrier weights beyond this many times the cost's own are as good as infinite
 
 
@@ -47,8 +48,8 @@ def optimal_sequences(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array
     """Return input sequences (T, m, c) within `limits` that are optimal from the columns of x0 (n, c) up to `tol`.
 
     Mehrotra's predictor-corrector method on each column with its own step lengths, started at the middle of the limits;
-    columns that are done are left alone. The gap that `tol` (relative) is compared with is the convexity gap
-    grad f(u)'u - min_v grad f(u)'v over the limits.
+    columns that are done, or come no nearer for rounding, are left alone. The gap that the relative `tol` is for is the
+    convexity gap grad f(u)'u - min_v grad f(u)'v over the limits.
 
     Parameters
     ----------
@@ -66,13 +67,15 @@ def optimal_sequences(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array
     u = np.broadcast_to(middle[None, :, None], (T, plant.m, x0.shape[1])).copy()
     point = Interior(u, limits.h[:, None] - limits.H @ u, np.empty(0))
     point = replace(point, multipliers=_first_multipliers(plant, spec, limits, P, x0, point))
-    active = np.arange(x0.shape[1])
+    active, least = np.arange(x0.shape[1]), np.full(x0.shape[1], np.inf)
     for _ in range(_ITERATIONS):
         x = rollout(plant.A, plant.B, x0[:, active], point.u)
         g = slopes(plant.B, spec.R, spec.discount, point.u, costates(plant.A, spec.Q, P, spec.discount, x))
         costs = _costs(spec, P, x, point.u)
-        unfinished = _gaps(limits, g, point.u) > tol * (costs + costs.mean())
-        u[:, :, active] = point.u
+        gaps, scale = _gaps(limits, g, point.u), costs + costs.mean()
+        better = gaps < least[active]
+        unfinished = (gaps > tol * scale) & (better | (least[active] > _GOOD * scale))
+        u[:, :, active[better]], least[active[better]] = point.u[:, :, better], gaps[better]
         active = active[unfinished]
         if not active.size:
             break
@@ -151,9 +154,9 @@ def _inverse(S: Array) -> Array:
     if S.shape[1] == 1:
         return np.asarray(1 / S, dtype=float)
     try:
-        return np.linalg.inv(S)
+        return np.asarray(np.linalg.inv(S), dtype=float)
     except np.linalg.LinAlgError:  # some column is at a vertex of the limits already
-        return np.linalg.pinv(S, hermitian=True)
+        return np.asarray(np.linalg.pinv(S, hermitian=True), dtype=float)
 
 
 def _solve(plant: Plant, factors: Factors, g: Array) -> Array:

@@ -53,7 +53,7 @@ def _allowance(plant: Plant, spec: Spec, P: Array, K: Array, V: Array, eigenvalu
     if not eigenvalues.size:
         return float(summed)
     residual = V.T @ (R @ K + beta * B.T @ (P @ (A + B @ K)))
-    off = size(residual) + unit * (size(V.T @ R) * size(K) + beta * size(B @ V) * size(P) * reach)
+    off = size(residual) + unit * (size(np.abs(V.T) @ np.abs(R) @ np.abs(K)) + beta * size(B @ V) * size(P) * reach)
     return float(summed + off**2 / eigenvalues[0])
 
 

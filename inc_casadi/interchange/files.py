@@ -30,7 +30,8 @@ FORMAT, VERSION = "inc_casadi", 1
 
 KINDS: tuple[type, ...] = (
     Plant, INC, Spec, Box, Polytope, Ellipsoid, Uniform, Gaussian, Empirical, Stability, DiscountedCost, Regional,
-    Sector, Relu, MatrixCertificate, RegionalCertificate, Budget, CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh,
+    Sector, Relu, MatrixCertificate, RegionalCertificate, Budget, CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU,
+    Saturation, Tanh,
 )
 """The dataclasses that a file may hold, each written field by field under its class's name; add a class to save it."""
 
@@ -49,7 +50,10 @@ def save(noun: Any, path: str | Path) -> None:
     if type(noun) not in KINDS and not isinstance(noun, Mapping):
         known = ", ".join(kind.__name__ for kind in KINDS)
         raise FormatError(f"{type(noun).__name__} cannot be saved: it is not one of {known}")
-    text = json.dumps({"format": FORMAT, "version": VERSION, **_encoded(noun)}, indent=1, allow_nan=False)
+    try:
+        text = json.dumps({"format": FORMAT, "version": VERSION, **_encoded(noun)}, indent=1, allow_nan=False)
+    except ValueError as error:
+        raise FormatError(f"{type(noun).__name__} cannot be saved: {error}") from error
     Path(path).write_text(text + "\n", encoding="utf-8")
 
 

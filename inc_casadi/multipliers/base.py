@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..blocks import exact
 from ..errors import InvalidInputError
 from ..loop import ClosedLoop
@@ -73,6 +74,14 @@ class Multiplier(ABC):
     @abstractmethod
     def matrix(self, loop: ClosedLoop, values: Mapping[str, Any]) -> Any:
         """Return M, (n+q, n+q), of the kind of the values and of the loop's matrices."""
+
+    @abstractmethod
+    def restored(self, loop: ClosedLoop, values: Mapping[str, Any], S: Array, sizes: Array) -> dict[str, Any]:
+        """Return the values for this loop from those for its rescaled twin, in which a solver works.
+
+        The twin has s = S s~, z = diag(sizes) z~ and eta = diag(sizes) eta~, sizes (q,) positive and S (n+q, n+q)
+        invertible; with the returned values S'M S is the twin's M~.
+        """
 
 
 def constant(loop: ClosedLoop, value: Any) -> Any:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ..arrays import Array
 from ..blocks import he
 from ..loop import ClosedLoop
 from .base import Multiplier, Unknown, constant
@@ -78,6 +79,14 @@ class Relu(Multiplier):
             M = M + sector_matrix(loop.Z[others, :], loop.H[others, :], loop.lower[others], loop.upper[others],
                                   values["Lambda"])
         return M
+
+    def restored(self, loop: ClosedLoop, values: Mapping[str, Any], S: Array, sizes: Array) -> dict[str, Any]:
+        """Return N_ij = N~_ij / (sizes_i sizes_j), Y = diag(1 / sizes) Y~ S^{-1} and Lambda_i = Lambda~_i / sizes_i^2."""
+        bent, lines, others = units(loop)
+        factor = {"Y": 1.0 / sizes[lines][:, None], "Lambda": 1.0 / sizes[others] ** 2}
+        factor |= dict.fromkeys(("N_sigma", "N_nu", "N_cross"), 1.0 / np.outer(sizes[bent], sizes[bent]))
+        found = {name: factor[name] * value for name, value in values.items()}
+        return found | ({"Y": found["Y"] @ np.linalg.inv(S)} if lines else {})
 
 
 def units(loop: ClosedLoop) -> tuple[list[int], list[int], list[int]]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from ..arrays import Array
 from ..blocks import diag, he
 from ..loop import ClosedLoop
 from .base import Multiplier, Unknown
@@ -44,6 +45,10 @@ class Sector(Multiplier):
     def matrix(self, loop: ClosedLoop, values: Mapping[str, Any]) -> Any:
         """Return M_Lambda, (n+q, n+q)."""
         return sector_matrix(loop.Z, loop.H, loop.lower, loop.upper, values["Lambda"])
+
+    def restored(self, loop: ClosedLoop, values: Mapping[str, Any], S: Array, sizes: Array) -> dict[str, Any]:
+        """Return Lambda_i = Lambda~_i / sizes_i^2."""
+        return {"Lambda": values["Lambda"] / sizes**2}
 
 
 def sector_matrix(Z: Any, H: Any, lower: Any, upper: Any, weights: Any) -> Any:

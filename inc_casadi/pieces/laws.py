@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
+from functools import cached_property
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from ..inc import INC
 from ..plant import Plant
 from .linear import identity, solve
 
-REPAIRS = 60
+REPAIRS, ROUNDS = 60, 8  # Newton steps on a pattern: in Fractions the last resort, in floats before solving anew
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,62 +62,96 @@ class PiecewiseLoop:
 
     def laws(self, patterns: np.ndarray) -> Laws:
         """Return the laws of patterns (k, q), each from one linear system (I - D W) eta = D (U C x + b) + o."""
-        parts = [self._law(pattern) for pattern in patterns]
-        q, n, m = self.inc.q, self.plant.n, self.plant.m
-        shapes = ((q, n), (q,), (m, n), (m,), (q,), (q,))
-        stacked = [np.stack([part[i] for part in parts]) if parts else np.zeros((0, *shape))
-                   for i, shape in enumerate(shapes)]
-        return Laws(patterns, *stacked)
-
-    def patterns_at(self, x: Array) -> np.ndarray:
-        """Return the pattern (N, q) at each point x (N, n), the piece on the right at a kink."""
-        if self.inc.q == 0:
-            return np.zeros((x.shape[0], 0), dtype=int)
-        y = self.plant.C @ x.astype(float).T
-        z = self.inc.W @ self.inc.solve(y).eta + self.inc.U @ y + self.inc.b[:, None]
-        guess = np.stack([_index(unit.pieces, z[i]) for i, unit in enumerate(self.inc.activations)], axis=1)
-        return self._repaired(guess, x) if self.rational else guess
-
-    def _repaired(self, guess: np.ndarray, x: Array) -> np.ndarray:
-        """Correct patterns guessed in floats until they hold exactly at x, by exact Newton steps on the pattern."""
-        for _ in range(REPAIRS):
-            distinct, which = np.unique(guess, axis=0, return_inverse=True)
-            laws = self.laws(distinct)
-            z = (laws.Zx[which] @ x[:, :, None])[:, :, 0] + laws.z0[which]
-            wrong = np.any((z < laws.low[which]) | (z > laws.high[which]), axis=1)
-            if not wrong.any():
-                return guess
-            pieces = [unit.pieces for unit in self.inc.activations]
-            new = np.stack([_index(piece, z[wrong, i].astype(float)) for i, piece in enumerate(pieces)], axis=1)
-            if np.array_equal(new, guess[wrong]):
-                break
-            guess = guess.copy()
-            guess[wrong] = new
-        raise ConvergenceError("the activation pattern at a point could not be settled in exact arithmetic")
-
-    def _ends(self, ends: list[float]) -> Array:
-        """Ends of pieces as numbers of this loop; an infinite end stays a float, which Fractions compare with exactly."""
-        if not self.rational:
-            return np.array(ends, dtype=float)
-        out = np.empty(len(ends), dtype=object)
-        out[:] = [Fraction(float(end)) if np.isfinite(end) else float(end) for end in ends]
-        return out
-
-    def _law(self, pattern: np.ndarray) -> tuple[Array, ...]:
         inc, number = self.inc, self.numbers
-        pieces = [unit.pieces for unit in inc.activations]
-        slope = number(np.array([piece.slopes[j] for piece, j in zip(pieces, pattern, strict=True)]))
-        offset = number(np.array([piece.intercepts[j] for piece, j in zip(pieces, pattern, strict=True)]))
-        low = self._ends([piece.kinks[j - 1] if j > 0 else -np.inf for piece, j in zip(pieces, pattern, strict=True)])
-        high = self._ends([piece.kinks[j] if j < piece.kinks.size else np.inf
-                           for piece, j in zip(pieces, pattern, strict=True)])
+        units = np.arange(inc.q)
+        slope, offset, low, high = (table[units, patterns] for table in self._pieces)
         W, U, V, K = number(inc.W), number(inc.U), number(inc.V), number(inc.K)
         b, d, C = number(inc.b), number(inc.d), number(self.plant.C)
-        drive = np.hstack([slope[:, None] * (U @ C), (slope * b + offset)[:, None]])
-        eta = solve(identity(inc.q, W) - slope[:, None] * W, drive) if inc.q else drive
-        Ex, e = eta[:, :-1], eta[:, -1]
-        return W @ Ex + U @ C, W @ e + b, K @ C + V @ Ex, V @ e + d, low, high
+        drive = np.concatenate([slope[:, :, None] * (U @ C), (slope * b + offset)[:, :, None]], axis=2)
+        system = identity(inc.q, W) - slope[:, :, None] * W
+        if inc.q == 0 or len(patterns) == 0:
+            eta = drive
+        elif self.rational:
+            eta = np.stack([solve(left, right) for left, right in zip(system, drive, strict=True)])
+        else:
+            eta = np.linalg.solve(system, drive)
+        Ex, e = eta[:, :, :-1], eta[:, :, -1]
+        return Laws(patterns, W @ Ex + U @ C, e @ W.T + b, K @ C + V @ Ex, e @ V.T + d, low, high)
 
+    def patterns_at(self, x: Array, guess: np.ndarray | None = None) -> np.ndarray:
+        """Return the pattern (N, q) at each point x (N, n); at a kink, up to rounding, the piece on either side.
 
-def _index(pieces: object, z: Array) -> np.ndarray:
-    return pieces.index(z)  # type: ignore[attr-defined]
+        guess (N, q): patterns to start from. A pattern whose law puts every z into its own piece is the answer; else
+        the pieces that z lies in are tried next (Newton's method on the pattern), and points that this does not settle
+        in a few rounds are solved anew.
+
+        Raises ConvergenceError when a pattern cannot be settled.
+        """
+        if self.inc.q == 0:
+            return np.zeros((x.shape[0], 0), dtype=int)
+        patterns = self._solved(x) if guess is None else guess.copy()
+        if guess is None and not self.rational:
+            return patterns
+        settled, patterns = self._settled(patterns, x)
+        if not settled.all() and guess is not None:
+            patterns[~settled] = self.patterns_at(x[~settled])
+        elif not settled.all():
+            raise ConvergenceError("the activation pattern at a point could not be settled in exact arithmetic")
+        return patterns
+
+    def _solved(self, x: Array) -> np.ndarray:
+        y = self.plant.C @ x.astype(float).T
+        z = self.inc.W @ self.inc.solve(y).eta + self.inc.U @ y + self.inc.b[:, None]
+        return self._indices(z.T)
+
+    def _settled(self, patterns: np.ndarray, x: Array) -> tuple[np.ndarray, np.ndarray]:
+        """Take Newton steps on patterns (N, q) at x: which are settled, and the patterns reached."""
+        settled = np.zeros(len(x), dtype=bool)
+        for _ in range(REPAIRS if self.rational else ROUNDS):
+            rows = np.flatnonzero(~settled)
+            distinct, which = self.distinct(patterns[rows])
+            laws = self.laws(distinct)
+            z = (laws.Zx[which] @ x[rows, :, None])[:, :, 0] + laws.z0[which]
+            holds = ((z >= laws.low[which]) & (z <= laws.high[which])).all(axis=1)
+            settled[rows[holds]] = True
+            if holds.all():
+                break
+            patterns[rows[~holds]] = self._indices(z[~holds])
+        return settled, patterns
+
+    def distinct(self, patterns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the distinct rows of patterns (N, q), and for each pattern which of them it is."""
+        if patterns.size == 0:
+            return patterns[:1], np.zeros(len(patterns), int)
+        base = self._pieces[0].shape[1]
+        if self.inc.q * np.log2(base) > 62:
+            rows, which = np.unique(patterns, axis=0, return_inverse=True)
+            return rows, which.reshape(-1)
+        keys = patterns @ np.array([base**i for i in range(self.inc.q)], dtype=np.int64)
+        _, first, which = np.unique(keys, return_index=True, return_inverse=True)
+        return patterns[first], which
+
+    def _indices(self, z: Array) -> np.ndarray:
+        """The pieces (N, q) that z (N, q) lies in; Fractions are compared with the kinks as they are."""
+        kinks = self._pieces[2][:, 1:]
+        return (z[:, :, None] >= kinks).sum(axis=2).astype(int)
+
+    @cached_property
+    def _pieces(self) -> tuple[Array, Array, Array, Array]:
+        """Slope, intercept, low and high end of every piece of every unit, each (q, most pieces); padding beyond."""
+        pieces = [unit.pieces for unit in self.inc.activations if unit.pieces is not None]
+        shape = len(pieces), max((piece.slopes.size for piece in pieces), default=1)
+        slope, offset, low, high = np.zeros(shape), np.zeros(shape), np.full(shape, np.inf), np.full(shape, np.inf)
+        for i, piece in enumerate(pieces):
+            k = piece.kinks.size
+            slope[i, :k + 1], offset[i, :k + 1] = piece.slopes, piece.intercepts
+            low[i, 0], low[i, 1:k + 1], high[i, :k] = -np.inf, piece.kinks, piece.kinks
+        return self.numbers(slope), self.numbers(offset), self._ends(low), self._ends(high)
+
+    def _ends(self, ends: Array) -> Array:
+        """Ends of pieces as numbers of this loop; an infinite end stays a float, which Fractions compare with exactly."""
+        if not self.rational:
+            return ends
+        out = self.numbers(np.where(np.isfinite(ends), ends, 0.0))
+        out[~np.isfinite(ends)] = ends[~np.isfinite(ends)]
+        return out

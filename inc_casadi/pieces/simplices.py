@@ -32,9 +32,9 @@ class Simplices:
         """Return the simplices chosen by an index or mask array."""
         return Simplices(*(getattr(self, f.name)[which] for f in fields(self)))
 
-    def joined(self, other: Simplices) -> Simplices:
+    def joined(self, *others: Simplices) -> Simplices:
         """Return these simplices followed by the others."""
-        return Simplices(*(np.concatenate([getattr(self, f.name), getattr(other, f.name)]) for f in fields(self)))
+        return Simplices(*(np.concatenate([getattr(part, f.name) for part in (self, *others)]) for f in fields(self)))
 
     def centroids(self) -> Array:
         """Return the centroids (N, n) of the current simplices."""
@@ -90,6 +90,33 @@ def begin(vertices: Array, weight: Array) -> Simplices:
     N, size, _ = vertices.shape
     zero = vertices[:, :1, :1] * 0
     return Simplices(vertices, vertices, weight, np.broadcast_to(zero, (N, size, size)).copy())
+
+
+def cut_along(simplices: Simplices, height: Array) -> tuple[Simplices, np.ndarray]:
+    """Cut each simplex along its own hyperplane until no piece has points on both sides; return pieces and parents.
+
+    height (N, n+1): a height over the hyperplane, affine on each simplex, at its vertices. An edge that crosses is cut
+    where the height is 0, and the piece's new vertex has that height exactly. Each cut takes a vertex off one side of
+    the piece, so this ends; and a hyperplane once cut along is never crossed again by any part of the piece.
+
+    >>> edge = begin(np.array([[[-1.0], [3.0]]]), np.ones(1))
+    >>> pieces, parent = cut_along(edge, np.array([[-1.0, 3.0]]))
+    >>> pieces.start[:, :, 0].tolist(), pieces.weight.tolist(), parent.tolist()
+    ([[-1.0, 0.0], [0.0, 3.0]], [0.25, 0.75], [0, 0])
+    """
+    parent, parts, parents = np.arange(len(simplices)), [], []
+    while True:
+        crossing = (height.max(axis=1) > 0) & (height.min(axis=1) < 0)
+        parts.append(simplices.take(~crossing))
+        parents.append(parent[~crossing])
+        if not crossing.any():
+            return parts[0].joined(*parts[1:]), np.concatenate(parents)
+        simplices, height, parent = simplices.take(crossing), height[crossing], np.tile(parent[crossing], 2)
+        i, j = steepest_crossing_edge(height)
+        rows = np.arange(len(simplices))
+        simplices = simplices.split(i, j, height[rows, i] / (height[rows, i] - height[rows, j]))
+        height = np.concatenate([height, height])
+        height[rows, j], height[len(rows) + rows, i] = 0, 0
 
 
 def steepest_crossing_edge(height: Array) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from .linear import discounted_lyapunov, identity, positive_definite, solve
 
 LEVEL_SHRINK = 1 - 1e-9
 TAIL_SLACK = 1e-10
-CONSTANT_SLACK = 1e-14
+CONSTANT_SLACK = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,11 +174,11 @@ def _tail(claim: Regional, Gx: Array, g: Array, A_star: Array, x: Array, slack: 
     form = _stage_form(claim, Gx, g, x, np.asarray)
     scale = float(np.trace(form[:n, :n])) / n
     tail = np.zeros((n + 1, n + 1))
-    tail[:n, :n] = discounted_lyapunov(A_star, form[:n, :n] + slack * max(scale, 1e-300) * np.eye(n), beta)
+    tail[:n, :n] = discounted_lyapunov(A_star, form[:n, :n] + slack * scale * np.eye(n), beta)
     if beta < 1:
         p = np.linalg.solve(np.eye(n) - beta * A_star.T, form[:n, n])
         tail[:n, n], tail[n, :n] = p, p
-        tail[n, n] = (form[n, n] + (CONSTANT_SLACK * scale if slack else 0.0)) / (1 - beta)
+        tail[n, n] = form[n, n] * (1 + (CONSTANT_SLACK if slack else 0.0)) / (1 - beta)
     elif form[n, n] > 1e-20 * scale:
         return None
     return tail
@@ -191,8 +191,8 @@ def _tail_refusal(loop: PiecewiseLoop, claim: Regional, found: TerminalSet, Gx: 
     A_h = identity(n + 1, A_star)
     A_h[:n, :n] = A_star
     gap = found.tail - form - beta * (A_h.T @ found.tail @ A_h)
-    if beta == 1:
-        if np.any(form[n] != 0):
-            return "resting at the exact equilibrium costs something at every step, and discount = 1"
+    if beta == 1 and np.any(form[n] != 0):
+        return "resting at the exact equilibrium costs something at every step, and discount = 1"
+    if beta == 1 or not gap[n].any():
         gap = gap[:n, :n]
-    return None if positive_definite(gap) else "the tail cost is not bounded by the stored matrix"
+    return None if not gap.any() or positive_definite(gap) else "the tail cost is not bounded by the stored matrix"

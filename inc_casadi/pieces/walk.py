@@ -6,17 +6,19 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
 from ..arrays import Array
 from ..claims.regional import Regional
-from ..sets import Box
+from ..sets import Box, Polytope
 from .laws import Laws, PiecewiseLoop
-from .simplices import Simplices, begin, levelled, steepest_crossing_edge
+from .simplices import Simplices, begin, cut_along, levelled
 from .terminal import TerminalSet
 
 KINK_TOLERANCE = 1e-12
+DIVERGED = 1e6
 
 
 @dataclass(frozen=True)
@@ -34,8 +36,9 @@ class Walk:
 
     done: the simplices that reached the terminal set, their cost forms complete; left: those still under way when
     the budget ended, with the cost so far; arrival (N,): the step at which each done simplex arrived; first (N,): the row
-    of `patterns` that was its first law, -1 when it began in the terminal set; slack: the smallest h - H u over all visited inputs, infinite without limits; cuts: how many
-    cuts were made; ended: "" when nothing is left, else the budget that ran out.
+    of `patterns` that was its first law, -1 when it began in the terminal set; slack: the smallest h - H u over all
+    visited inputs, infinite without limits; cuts: how many cuts were made; ended: "" when nothing is left, else the
+    budget that ran out.
 
     With nothing left, `done` covers the initial set, and its cost forms are the discounted cost from every x0.
     """
@@ -64,94 +67,103 @@ def walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budget: Bu
     and take its tail cost; the others are cut until each carries one pattern (`one_pattern_each`); their inputs are
     compared with the limits at the vertices, which decides for all points since u is affine there; their vertices move.
 
-    In Fractions nothing is rounded. In floats a pre-activation within 1e-12 (relative to the largest one) of a kink
-    counts as on it; there the two laws agree to that accuracy.
+    In Fractions nothing is rounded. In floats a pre-activation within 1e-12 (relative to the largest terms met so far)
+    of a kink counts as on it; there the two laws agree to that accuracy.
 
     progress: called with (step, simplices alive).
     """
     budget = budget or Budget()
     clock = time.monotonic()
     alive = _initial(loop, claim, terminal)
-    total = alive.weight.sum()
-    done, arrival, first, tags = alive.take(np.zeros(0, int)), [], [], np.full(len(alive), -1)
-    firsts = np.zeros((0, loop.inc.q), int)
+    total, reach = alive.weight.sum(), DIVERGED * np.max(np.abs(alive.now))
+    tags, firsts, patterns = np.full(len(alive), -1), np.zeros((0, loop.inc.q), int), None
+    done, arrival, first = [alive.take(np.zeros(0, int))], [], []
     slack: object = np.inf
-    cuts, ended, scale = 0, "", loop.numbers(np.array(1.0)).item()
-    beta = loop.numbers(np.array(claim.discount)).item()
+    cuts, ended, size = 0, "", np.zeros(loop.inc.q)
+    scale, beta = loop.numbers(np.array([1.0, claim.discount]))
     for step in range(budget.steps + 1):
-        inside = terminal.contains(alive.now).all(axis=1)
-        done = done.joined(_with_tail(alive.take(inside), terminal, scale))
+        inside = np.all(terminal.contains(alive.now), axis=1)
+        done.append(_with_tail(alive.take(inside), terminal, scale))
         arrival.append(np.full(int(inside.sum()), step))
         first.append(tags[inside])
         alive, tags = alive.take(~inside), tags[~inside]
+        patterns = None if patterns is None else patterns[~inside]
         if progress:
             progress(step, len(alive))
-        ended = _exhausted(alive, step, budget, clock)
+        ended = _exhausted(alive, step, budget, clock, reach)
         if len(alive) == 0 or ended:
             break
-        alive, tags, patterns, which, new_cuts = one_pattern_each(loop, alive, tags, budget, clock)
+        patterns = loop.patterns_at(alive.centroids(), patterns)
+        size = np.maximum(size, _size(loop, patterns, alive.now))
+        alive, tags, patterns, new_cuts = one_pattern_each(loop, alive, tags, patterns, size, budget, clock)
         cuts += new_cuts
-        ended = _exhausted(alive, 0, budget, clock)
+        ended = _exhausted(alive, 0, budget, clock, reach)
         if ended:
             break
+        distinct, which = loop.distinct(patterns)
         if step == 0:
-            firsts, tags = patterns, which.copy()
-        alive, slack = _moved(loop, claim, alive, loop.laws(patterns), which, scale, slack)
+            firsts, tags = distinct, which
+        alive, slack = _moved(loop, claim, alive, loop.laws(distinct), which, scale, slack)
         scale = scale * beta
-    _assert_conserved(total, done, alive, loop.rational)
-    first_index = np.concatenate(first) if first else np.zeros(0, int)
-    return Walk(done, alive, np.concatenate(arrival), first_index, firsts, slack, cuts, ended, time.monotonic() - clock)
+    arrived = done[0].joined(*done[1:])
+    _assert_conserved(total, arrived, alive, loop.rational)
+    return Walk(arrived, alive, np.concatenate(arrival), np.concatenate(first), firsts, slack, cuts, ended,
+                time.monotonic() - clock)
 
 
-def one_pattern_each(loop: PiecewiseLoop, alive: Simplices, tags: np.ndarray, budget: Budget, clock: float,
-                     ) -> tuple[Simplices, np.ndarray, np.ndarray, np.ndarray, int]:
-    """Cut simplices until the controller is one affine law on each; return them with patterns and which is whose.
+def one_pattern_each(loop: PiecewiseLoop, alive: Simplices, tags: np.ndarray, patterns: np.ndarray, size: Array,
+                     budget: Budget, clock: float) -> tuple[Simplices, np.ndarray, np.ndarray, int]:
+    """Cut simplices until the controller is one affine law on each; return them with tags, patterns and cuts made.
 
     The law of the pattern at a simplex's centroid holds on all of it exactly when its z lies within the piece at
     every vertex. If some vertex lies beyond a bound, another lies strictly within it, because their mean does; the
-    simplex is cut where its steepest edge across the hyperplane z = bound of that law meets it. There are finitely many
-    such hyperplanes. (In floats a vertex beyond a bound without one strictly within is beyond it by at most n + 1
-    tolerances, and counts as on it.)
+    simplex is cut along the hyperplane z = bound of that law, the one that is crossed the farthest. No piece of it crosses
+    that hyperplane again and there are finitely many, so this ends. (In floats a vertex beyond a bound without one
+    strictly within is beyond it by at most n + 1 tolerances, and counts as on it.)
+
+    patterns (N, q): those at the centroids; size (q,): what the tolerance of the kinks is relative to.
     """
-    ready, ready_tags, ready_patterns, cuts = alive.take(np.zeros(0, int)), [], [], 0
-    while len(alive):
-        patterns = loop.patterns_at(alive.centroids())
-        distinct, which = _distinct(patterns)
-        laws = loop.laws(distinct)
-        height = _heights(laws, which, alive.now)
-        crossed = (height.max(axis=1) > 0) & (height.min(axis=1) < 0)
-        crossing = crossed.any(axis=1)
-        ready = ready.joined(alive.take(~crossing))
-        ready_tags.append(tags[~crossing])
-        ready_patterns.append(patterns[~crossing])
-        if not crossing.any():
+    ready, cuts = [], 0
+    while True:
+        distinct, which = loop.distinct(patterns)
+        height = _heights(loop.laws(distinct), which, alive.now, size)
+        highest = height.max(axis=1)
+        crossed = (highest > 0) & (height.min(axis=1) < 0)
+        cut = crossed.any(axis=1)
+        ready.append((alive.take(~cut), tags[~cut], patterns[~cut]))
+        if not cut.any():
             break
-        alive, tags, height, crossed = alive.take(crossing), tags[crossing], height[crossing], crossed[crossing]
-        worst = np.where(crossed, height.max(axis=1), 0).argmax(axis=1)
-        chosen = np.take_along_axis(height, worst[:, None, None], axis=2)[:, :, 0]
-        i, j = steepest_crossing_edge(chosen)
-        rows = np.arange(len(alive))
-        share = chosen[rows, i] / (chosen[rows, i] - chosen[rows, j])
-        cuts += len(alive)
-        alive, tags = alive.split(i, j, share), np.concatenate([tags, tags])
-        if len(ready) + len(alive) > budget.pieces or time.monotonic() - clock > budget.seconds:
-            ready = ready.joined(alive)
+        farthest = np.where(crossed[cut], highest[cut], 0).argmax(axis=1)
+        chosen = np.take_along_axis(height[cut], farthest[:, None, None], axis=2)[:, :, 0]
+        alive, parent = cut_along(alive.take(cut), chosen)
+        cuts += len(alive) - len(chosen)
+        tags, patterns = tags[cut][parent], patterns[cut][parent]
+        patterns = loop.patterns_at(alive.centroids(), patterns)
+        if sum(len(part) for part, _, _ in ready) + len(alive) > budget.pieces or _late(budget, clock):
+            ready.append((alive, tags, patterns))
             break
-    patterns = np.concatenate(ready_patterns) if ready_patterns else np.zeros((0, loop.inc.q), int)
-    distinct, which = _distinct(patterns)
-    return ready, np.concatenate(ready_tags) if ready_tags else tags, distinct, which, cuts
+    parts, all_tags, all_patterns = zip(*ready, strict=True)
+    return parts[0].joined(*parts[1:]), np.concatenate(all_tags), np.concatenate(all_patterns), cuts
 
 
-def _heights(laws: Laws, which: np.ndarray, points: Array) -> Array:
+def _size(loop: PiecewiseLoop, patterns: np.ndarray, points: Array) -> Array:
+    """The magnitude (q,) of the terms that z is summed from: rounding is relative to it, also where z itself vanishes."""
+    if loop.rational:
+        return np.zeros(loop.inc.q)
+    laws = loop.laws(loop.distinct(patterns)[0])
+    return (np.abs(laws.Zx) @ np.abs(points).max(axis=(0, 1)) + np.abs(laws.z0)).max(axis=0)
+
+
+def _heights(laws: Laws, which: np.ndarray, points: Array, size: Array) -> Array:
     """How far z is beyond each bound of its piece (N, k, 2q): positive outside, 0 within the tolerance of the kink."""
-    q = laws.z0.shape[1]
+    if laws.z0.shape[1] == 0:
+        return np.full((*points.shape[:2], 1), -1.0)
     z = points @ np.swapaxes(laws.Zx[which], 1, 2) + laws.z0[which][:, None, :]
-    below, above = laws.low[which][:, None, :] - z, z - laws.high[which][:, None, :]
-    height = np.concatenate([below, above], axis=2)
-    if z.dtype == object or q == 0:
+    height = np.concatenate([laws.low[which][:, None, :] - z, z - laws.high[which][:, None, :]], axis=2)
+    if z.dtype == object:
         return height
-    size = np.max(np.abs(z), axis=(0, 1), initial=1e-300)
-    return np.where(np.abs(height) <= KINK_TOLERANCE * np.concatenate([size, size]), 0.0, height)
+    height[np.abs(height) <= KINK_TOLERANCE * np.tile(size, 2)] = 0.0
+    return height
 
 
 def _moved(loop: PiecewiseLoop, claim: Regional, alive: Simplices, laws: Laws, which: np.ndarray, scale: object,
@@ -172,6 +184,7 @@ def _with_tail(inside: Simplices, terminal: TerminalSet, scale: object) -> Simpl
 
 def _initial(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet) -> Simplices:
     region = claim.initial.support
+    assert isinstance(region, Box | Polytope)
     vertices = region.simplices()
     if isinstance(region, Box):
         gain = loop.laws(terminal.pattern[None]).Gx[0].astype(float)
@@ -181,7 +194,7 @@ def _initial(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet) -> Sim
     return begin(vertices, volumes / volumes.sum())
 
 
-def _determinant(M: Array) -> object:
+def _determinant(M: Array) -> Any:
     if M.dtype != object:
         return np.linalg.det(M)
     table, value = M.copy(), Fraction(1)
@@ -196,20 +209,20 @@ def _determinant(M: Array) -> object:
     return value
 
 
-def _distinct(patterns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    if patterns.shape[1] == 0:
-        return patterns[:1], np.zeros(len(patterns), int)
-    return np.unique(patterns, axis=0, return_inverse=True)
+def _late(budget: Budget, clock: float) -> bool:
+    return time.monotonic() - clock > budget.seconds
 
 
-def _exhausted(alive: Simplices, step: int, budget: Budget, clock: float) -> str:
+def _exhausted(alive: Simplices, step: int, budget: Budget, clock: float, reach: object) -> str:
     if len(alive) == 0:
         return ""
     if len(alive) > budget.pieces:
         return f"more than {budget.pieces} simplices"
     if step >= budget.steps:
         return f"{len(alive)} simplices still under way after {step} steps"
-    if time.monotonic() - clock > budget.seconds:
+    if np.max(np.abs(alive.now)) > reach:
+        return f"a motion grew to {DIVERGED:g} times the size of the initial set"
+    if _late(budget, clock):
         return f"the time limit of {budget.seconds:g} s"
     return ""
 

@@ -107,5 +107,6 @@ def test_moved_cells_are_found_out():
     cells = partition(initial, 27)
     assert not Cells(cells.probabilities, 1.01 * cells.centroids).divide(initial)
     assert not Cells(1.01 * cells.probabilities, cells.centroids / 1.01).divide(initial)
+    assert not Cells(np.ones(1), np.zeros((3, 1))).divide(initial)  # not the mean, though nothing inside is negative
     spread = initial.mean[:, None] + 1.6 * (cells.centroids - initial.mean[:, None])
     assert not Cells(cells.probabilities, spread).divide(initial)

@@ -7,7 +7,7 @@ import pytest
 
 from inc_casadi import Box, Plant, Spec
 from inc_casadi.blocks import exact
-from inc_casadi.bounds.moves import costates, minorant, rollout, slopes
+from inc_casadi.bounds.moves import costates, minorant, reached, rollout, slopes
 
 N, M, T, C = 3, 2, 6, 4
 
@@ -62,8 +62,8 @@ def test_the_slopes_are_the_derivatives_of_the_cost():
         for i in range(M):
             step = np.zeros_like(u)
             step[k, i] = 1e-5
-            change = cost(plant, spec, P, x0[:, 0], (u + step)[:, :, 0]) - cost(plant, spec, P, x0[:, 0], (u - step)[:, :, 0])
-            assert change / 2e-5 == pytest.approx(g[k, i, 0], rel=1e-6, abs=1e-6)
+            ends = [cost(plant, spec, P, x0[:, 0], (u + sign * step)[:, :, 0]) for sign in (1, -1)]
+            assert (ends[0] - ends[1]) / 2e-5 == pytest.approx(g[k, i, 0], rel=1e-6, abs=1e-6)
 
 
 @pytest.mark.parametrize("radius", [0.6, 1.0, 1.4])
@@ -82,3 +82,19 @@ def test_the_slack_covers_the_rounding(radius):
     line = np.sum(exact(tangent.state) * exact(x0)) + np.sum(exact(tangent.inputs) * exact(u))
     error = abs(float(line - exact(tangent.offset)[0] - true))
     assert 0 < error <= tangent.slack[0] <= 1e-6 * float(true)
+
+
+@pytest.mark.parametrize("radius", [0.6, 1.3])
+def test_no_trajectory_leaves_what_is_said_to_be_reached(radius):
+    plant, _, _, rng = draw(4)
+    A = plant.A * radius / np.max(np.abs(np.linalg.eigvals(plant.A)))
+    start, reach = rng.random((N, C)), rng.random((T, M, C))
+    limits = reached(A, plant.B, start, reach)
+    for _ in range(200):
+        x = rollout(A, plant.B, start * rng.choice([-1, 1], start.shape), reach * rng.choice([-1, 1], reach.shape))
+        assert np.all(np.abs(x) <= limits * (1 + 1e-12))
+    same = reached(A, plant.B, start, np.broadcast_to(reach.max(axis=0), reach.shape))
+    push = np.sign(np.stack([np.linalg.matrix_power(A, T - 1 - k) @ plant.B for k in range(T)])[:, 0])  # for x_T, row 0
+    first = np.sign(np.linalg.matrix_power(A, T)[0])
+    x = rollout(A, plant.B, start * first[:, None], reach.max(axis=0) * push[:, :, None])
+    np.testing.assert_allclose(x[-1, 0], same[-1, 0], rtol=1e-12)

@@ -80,7 +80,8 @@ def test_inputs_that_repeat_one_another_count_once():
     b = plant.B[:, :1]
     one = Spec(np.eye(N), 0.0, 0.9, Box(-np.ones(N), np.ones(N)))
     two = Spec(np.eye(N), np.zeros((2, 2)), 0.9, one.initial)
-    alone, twice = value_iteration(Plant(plant.A, b), one, 20)[0], value_iteration(Plant(plant.A, np.hstack([b, 2 * b])), two, 20)[0]
+    alone = value_iteration(Plant(plant.A, b), one, 20)[0]
+    twice = value_iteration(Plant(plant.A, np.hstack([b, 2 * b])), two, 20)[0]
     np.testing.assert_allclose(twice[-1], alone[-1], rtol=1e-8)
 
 

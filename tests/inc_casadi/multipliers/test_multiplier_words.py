@@ -38,3 +38,18 @@ def test_floats_fractions_cvxpy_and_casadi_read_the_same(multiplier):
     differentiated = multiplier.matrix(replace(loop, Z=symbol), values)
     at = ca.Function("M", [symbol], [differentiated])(loop.Z).full()
     np.testing.assert_allclose(at, M, atol=1e-12)
+
+
+@pytest.mark.parametrize("multiplier", LADDER)
+def test_values_come_back_from_a_rescaled_twin(multiplier):
+    from inc_casadi.lmi_frame import Frame
+    rng = np.random.default_rng(22)
+    loop = close_loop(draws.plant(rng), draws.controller(rng))
+    T, sizes = rng.normal(size=(loop.n, loop.n)), 10.0 ** rng.uniform(-2, 2, size=loop.q)
+    S = np.zeros((loop.n + loop.q,) * 2)
+    S[: loop.n, : loop.n], S[loop.n:, loop.n:] = np.linalg.inv(T), np.diag(sizes)
+    frame = Frame(T, S)
+    values = {u.name: np.abs(rng.normal(size=u.shape)) for u in multiplier.unknowns(loop)}
+    restored = multiplier.restored(loop, values, frame.S, frame.sizes)
+    in_twin = multiplier.matrix(frame.twin(loop), values)
+    np.testing.assert_allclose(S.T @ multiplier.matrix(loop, restored) @ S, in_twin, atol=1e-10)

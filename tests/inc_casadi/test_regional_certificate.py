@@ -1,0 +1,210 @@
+"""The regional certificate: what holds is true, what is not true is refused with its reason."""
+
+from dataclasses import replace
+
+import numpy as np
+import oracles
+import pytest
+
+from inc_casadi import INC, Box, Plant, Polytope, ReLU, Saturation, Tanh
+from inc_casadi.claims.regional import Regional
+from inc_casadi.errors import DimensionError, InvalidInputError, NotCertifiedError
+from inc_casadi.pieces.walk import Budget
+from inc_casadi.regional_certificate import certify_region
+
+PLANT = Plant([[1.1, 1.0], [0.0, 1.02]], [[0.2], [0.5]])
+K = np.array([[-1.37488222, -2.64897412]])
+UNIT = Box([-1.0], [1.0])
+
+
+def claim(scale=1.0, inputs=UNIT, discount=0.98, R=0.05):
+    half = 0.8 * scale * np.ones(2)
+    return Regional(Box(-half, half), inputs, np.eye(2), [[R]], discount)
+
+
+def saturated(**changes):
+    return certify_region(PLANT, INC.saturated(K, 1.0), claim(**changes))
+
+
+def biased():
+    """A law with a rest point off the origin, W != 0 and a unit of each kind."""
+    W = [[0.2, -0.1, 0.3], [0.0, 0.25, 0.1], [0.15, 0.0, -0.3]]
+    U, V = [[0.5, 0.3], [-0.4, 0.8], [0.2, -0.6]], [[0.1, -0.05, 0.2]]
+    return INC(W, U, V, 0.8 * K, [0.3, 0.5, -0.2], [0.1], (ReLU(), Saturation(), ReLU()))
+
+
+def test_what_it_says_is_true_of_sampled_motions():
+    certificate = saturated().require()
+    points = certificate.claim.initial.sample(3000, np.random.default_rng(0))
+    x, u = oracles.roll_out(PLANT, certificate.inc, points, 200)
+    costs = oracles.discounted_cost(x, u, np.eye(2), np.array([[0.05]]), 0.98)
+    assert abs(costs.mean() - certificate.expected) < 4 * costs.std() / np.sqrt(3000)
+    value, at = certificate.worst
+    assert costs.max() <= value and np.abs(x[:, :, -1]).max() < 1e-8
+    x, u = oracles.roll_out(PLANT, certificate.inc, at[:, None], 200)
+    assert oracles.discounted_cost(x, u, np.eye(2), np.array([[0.05]]), 0.98)[0] == pytest.approx(value, rel=1e-8)
+    assert certificate.expected < certificate.bound < certificate.expected * (1 + 1e-8)
+    assert certificate.margins() == pytest.approx({"well-posed": 1.0, "followed": 0.0, "inputs": 0.0}, abs=1e-12)
+    for part in ("every input stays within", "converges to x* = [0. 0.]", f"{certificate.bound:.8g}"):
+        assert part in str(certificate)
+
+
+def test_a_rest_point_off_the_origin_and_its_exact_cost():
+    plant = Plant([[0.9, 0.3], [-0.1, 0.8]], [[0.2], [0.5]])
+    task = Regional(Box([-1.0, -0.5], [0.7, 1.2]), Box([-5.0], [5.0]), np.diag([1.0, 2.0]), [[0.3]], 0.9)
+    inc = INC(*(getattr(biased(), name) for name in "WUV"), 0.1 * K, biased().b, biased().d, biased().activation)
+    certificate = certify_region(plant, inc, task).require()
+    points = task.initial.sample(4000, np.random.default_rng(1))
+    x, u = oracles.roll_out(plant, inc, points, 300)
+    costs = oracles.discounted_cost(x, u, task.Q, task.R, 0.9)
+    assert np.linalg.norm(x[:, 0, -1]) > 0.1
+    assert abs(costs.mean() - certificate.expected) < 4 * costs.std() / np.sqrt(4000)
+    assert certificate.worst[0] >= costs.max()
+    assert "x* = [" + f"{x[0, 0, -1]:.6f}"[:6] in str(certificate)
+
+
+def test_proof_in_fractions_of_a_small_implicit_law():
+    inc = INC([[0.3]], 0.7 * K, [[1.0]], np.zeros((1, 2)), activation=Saturation())
+    certificate = certify_region(PLANT, inc, claim())
+    proof = certificate.prove()
+    assert proof.succeeded and not proof.reason
+
+
+@pytest.mark.parametrize("budget, reason", [
+    (Budget(pieces=4), "more than 4 simplices"),
+    (Budget(steps=1), "still under way after 1 steps"),
+    (Budget(seconds=0.0), "time limit of 0 s"),
+])
+def test_a_spent_budget_is_a_reason_and_never_a_certificate(budget, reason):
+    certificate = certify_region(PLANT, INC.saturated(K, 1.0), claim(), budget)
+    assert not certificate.holds() and reason in certificate.reason
+    assert certificate.bound == np.inf and np.isnan(certificate.expected) and np.isnan(certificate.worst[0])
+    assert not certificate.walk.complete and certificate.margins()["followed"] < 0
+    proof = certificate.prove()
+    assert not proof.succeeded and reason in proof.reason
+    assert str(certificate).startswith("Not certified")
+    with pytest.raises(NotCertifiedError, match="walk ended"):
+        certificate.require()
+
+
+def test_a_set_from_which_some_motions_grow_is_never_certified():
+    certificate = certify_region(PLANT, INC.saturated(K, 1.0), claim(scale=3.0), Budget(pieces=5000))
+    points = certificate.claim.initial.sample(500, np.random.default_rng(0))
+    x, _ = oracles.roll_out(PLANT, certificate.inc, points, 100)
+    lost = np.mean(np.abs(x[:, :, -1]).max(axis=0) > 1)
+    assert lost > 0.03
+    assert not certificate.holds() and certificate.bound == np.inf and not certificate.prove().succeeded
+    assert certificate.margins()["followed"] < -0.5 * lost
+
+
+def test_a_linear_law_beyond_its_limits_is_told_by_how_much():
+    certificate = certify_region(PLANT, INC.linear(K), claim())
+    # The first input from the corner (0.8, 0.8) is the largest.
+    assert f"an input exceeds its limit by {0.8 * np.abs(K).sum() - 1:.3g}" == certificate.reason
+    assert certificate.margins()["inputs"] == pytest.approx(1 - 0.8 * np.abs(K).sum(), rel=1e-12)
+    assert not certificate.prove().succeeded and "exceeds its limit" in certificate.prove().reason
+    assert certify_region(PLANT, INC.linear(K), claim(inputs=None)).holds()
+
+
+def test_limits_are_kept_at_the_edge_and_not_beyond():
+    reach = 0.8 * np.abs(0.2 * K).sum()
+    plant = Plant([[0.9, 0.2], [0.0, 0.8]], [[0.2], [0.5]])
+    for factor, holds in ((1.0 + 1e-9, True), (1.0 - 1e-9, False)):
+        limits = Polytope([[1.0], [-2.0]], [factor * reach, 2 * factor * reach])
+        certificate = certify_region(plant, INC.linear(0.2 * K), claim(inputs=limits))
+        assert certificate.holds() == holds and certificate.prove().succeeded == holds
+
+
+def test_corrupted_certificates_are_refused_or_true():
+    good = certify_region(PLANT, INC.saturated(K, 1.0), claim()).require()
+    for change, reason in (
+        ({"P": -good.P}, "not invariant"),
+        ({"P": np.diag([1.0, 1e-6])}, "not invariant"),
+        ({"level": 1.01 * good.level}, "crosses"),
+        ({"P": good.P / 2}, "crosses"),
+        ({"P": None}, "no terminal set"),
+        ({"claim": claim(inputs=Box([-0.9], [0.9]))}, ""),
+        ({"claim": claim(scale=3.0), "budget": Budget(pieces=5000)}, "walk ended"),
+        ({"budget": Budget(steps=0)}, "walk ended"),
+        ({"inc": INC.saturated(-K, 1.0)}, ""),
+        ({"inc": INC.saturated(K, 1.1)}, ""),
+        ({"plant": Plant(1.5 * PLANT.A, PLANT.B)}, ""),
+    ):
+        bad = replace(good, **change)
+        assert not bad.holds() and reason in bad.reason, change
+        proof = bad.prove()
+        assert not proof.succeeded and proof.reason, change
+        assert bad.sentence.startswith("Not certified")
+
+
+@pytest.mark.parametrize("change", [{"discount": 0.5}, {"R": 2.0}, {"scale": 0.5}, {"discount": 1.0}, {"inputs": None}])
+def test_a_changed_claim_is_recomputed_and_true(change):
+    good = saturated()
+    changed = replace(good, claim=claim(**change)).require()
+    task = changed.claim
+    points = task.initial.sample(3000, np.random.default_rng(5))
+    x, u = oracles.roll_out(PLANT, good.inc, points, 200)
+    costs = oracles.discounted_cost(x, u, task.Q, task.R, task.discount)
+    assert abs(costs.mean() - changed.expected) < 4 * costs.std() / np.sqrt(3000)
+
+
+def test_a_smaller_ellipsoid_of_another_shape_gives_the_same_cost():
+    good = saturated()
+    other = replace(good, P=good.P + 0.05 * np.eye(2) * np.abs(good.P).max(), level=0.3 * good.level)
+    assert other.holds(), other.reason
+    assert other.expected == pytest.approx(good.expected, rel=1e-12)
+    assert other.worst[0] == pytest.approx(good.worst[0], rel=1e-12)
+
+
+def test_bad_numbers_are_refused_at_the_door():
+    good = saturated()
+    for change, error in (({"level": -1.0}, InvalidInputError), ({"P": np.full((2, 2), np.nan)}, InvalidInputError),
+                          ({"P": np.eye(3)}, DimensionError), ({"P": np.triu(np.ones((2, 2)))}, InvalidInputError),
+                          ({"claim": "regional"}, InvalidInputError), ({"inc": INC.linear([[1.0]])}, DimensionError)):
+        with pytest.raises(error):
+            replace(good, **change)
+
+
+@pytest.mark.parametrize("plant, inc, reason", [
+    (PLANT, INC([[0.2]], 0.8 * K, [[1.0]], np.zeros((1, 2)), activation=Tanh()), "activation Tanh.*not piecewise affine"),
+    (Plant(PLANT.A, PLANT.B, dt=0.0), INC.saturated(K, 1.0), "sample the plant first"),
+    (PLANT, INC([[1.2]], K, [[1.0]], np.zeros((1, 2)), activation=Saturation()), "not proved well posed"),
+    (PLANT, INC.saturated(0 * K, 1.0), "does not stabilize: its spectral radius is 1.1"),
+    (PLANT, INC([[0.0]], K, [[1.0]], np.zeros((1, 2))), "on or beyond a kink of hidden unit 0"),
+])
+def test_where_it_does_not_apply_it_says_why_and_every_question_has_an_answer(plant, inc, reason):
+    certificate = certify_region(plant, inc, claim())
+    assert not certificate.holds()
+    with pytest.raises(NotCertifiedError, match=reason):
+        certificate.require()
+    assert certificate.bound == np.inf and np.isnan(certificate.worst[0])
+    assert not certificate.prove().succeeded and certificate.margins()["followed"] == -1.0
+    given = replace(certificate, P=np.eye(2), level=1e-6)
+    assert not given.holds() and given.bound == np.inf and not given.prove().succeeded
+
+
+def test_an_idle_smooth_unit_does_not_stand_in_the_way():
+    inc = INC(np.diag([0.1, 0.0]), np.vstack([K, K]), [[0.0, 1.0]], np.zeros((1, 2)), activation=(Tanh(), Saturation()))
+    certificate = certify_region(PLANT, inc, claim()).require()
+    assert certificate.expected == pytest.approx(1.36496190, abs=1e-8)
+
+
+def test_a_law_from_python_control_is_accepted():
+    control = pytest.importorskip("control")
+    plant = control.StateSpace(PLANT.A, PLANT.B, np.eye(2), np.zeros((2, 1)), 1.0)
+    assert certify_region(plant, INC.saturated(K, 1.0), claim()).holds()
+
+
+def test_no_cost_at_all_is_proved_to_be_zero():
+    task = Regional(Box([-0.8, -0.8], [0.8, 0.8]), UNIT, np.zeros((2, 2)), [[0.0]], 0.9)
+    certificate = certify_region(PLANT, INC.saturated(K, 1.0), task).require()
+    assert certificate.bound == 0.0 and certificate.prove().succeeded
+
+
+def test_small_and_large_units_give_the_same_proof():
+    for size in (1e-4, 1e4):
+        half = 0.8 * size * np.ones(2)
+        task = Regional(Box(-half, half), Box([-size], [size]), np.eye(2), [[0.05]], 0.98)
+        certificate = certify_region(PLANT, INC.saturated(K, size), task).require()
+        assert certificate.expected == pytest.approx(1.36496190 * size**2, rel=1e-8)
+        assert certificate.prove().succeeded

@@ -1,0 +1,107 @@
+"""sec:separation, as bounds: linear controllers cost at least what the paper says, and the saturated law costs less."""
+
+import numpy as np
+import pytest
+
+from inc_casadi import Box, Plant, Spec
+from inc_casadi.bounds import affine_moves, any_controller, first_move
+from synthesis.starts.static_gain import best_static_gain
+
+SCALAR = Plant(1.5, 1.0)
+BETAS = [0.05, 0.5, 0.98, 1.0]
+INTERVAL, LIMITS = Box(-1, 1), Box(-1, 1)
+
+
+def scalar_spec(beta, r=0.0):
+    return Spec(1.0, r, beta, INTERVAL, LIMITS)
+
+
+def saturated_cost(beta, r):
+    """E cost of u = -sat(1.5 x) by Gauss-Legendre on the pieces where it is a polynomial of degree 2."""
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    total = 0.0
+    for low, high in ((-1, -2 / 3), (-2 / 3, 2 / 3), (2 / 3, 1)):
+        x = (low + high) / 2 + (high - low) / 2 * nodes
+        for k in range(6):
+            u = -np.clip(1.5 * x, -1, 1)
+            total += beta**k * (high - low) / 4 * weights @ (x**2 + r * u**2)
+            x = 1.5 * x + u
+    return total
+
+
+@pytest.mark.parametrize("beta", BETAS)
+def test_longrun_dyn(beta):
+    linear, everyone = first_move(SCALAR, scalar_spec(beta)), any_controller(SCALAR, scalar_spec(beta))
+    network = saturated_cost(beta, 0.0)
+    assert linear.value == pytest.approx(1 / 3 + beta / 12, abs=1e-7) and linear.value <= 1 / 3 + beta / 12
+    assert network == pytest.approx(1 / 3 + beta / 36, rel=1e-12)
+    assert linear.value - network > beta / 18 - 1e-7
+    assert everyone.value <= network < linear.value and linear.holds() and everyone.holds()
+
+
+@pytest.mark.parametrize("beta", BETAS)
+def test_input_penalty_sep(beta):
+    for r in (beta / 2, 0.99 * 8 * beta / (32 + 9 * beta), 0.1 * beta):
+        linear, network = first_move(SCALAR, scalar_spec(beta, r)), saturated_cost(beta, r)
+        assert linear.value == pytest.approx(1 / 3 + r / 3 + beta / 12, abs=1e-7)
+        assert network == pytest.approx(1 / 3 + beta / 36 + r * (5 / 9 + beta / 16), rel=1e-12)
+        assert (network < linear.value) == (r < 8 * beta / (32 + 9 * beta))
+        assert any_controller(SCALAR, scalar_spec(beta, r), cells=400).value <= network
+
+
+def test_the_penalty_beyond_the_theorem_makes_the_best_first_move_smaller():
+    beta, r = 0.9, 0.9
+    kappa = -1.5 * beta / (r + beta)
+    true = (1 + r * kappa**2 + beta * (1.5 + kappa) ** 2) / 3
+    assert first_move(SCALAR, scalar_spec(beta, r)).value == pytest.approx(true, abs=1e-7)
+
+
+@pytest.mark.parametrize("beta", BETAS)
+def test_lsof_sep(beta):
+    gain = best_static_gain(SCALAR, scalar_spec(beta))
+    assert gain.admissible and gain.F[0, 0] == pytest.approx(-1, abs=1e-7)
+    assert gain.cost == pytest.approx(1 / (3 * (1 - beta / 4)), rel=1e-7)
+    dynamic = affine_moves(SCALAR, scalar_spec(beta), 20)
+    # A linear controller with memory can bring x_2 to zero, so thm:longrun_dyn is tight, and a static gain is not best.
+    assert dynamic.value == pytest.approx(1 / 3 + beta / 12, abs=1e-7) and dynamic.value < gain.cost
+
+
+def test_the_bound_of_longrun_dyn_is_attained_by_a_controller_of_order_one():
+    x, xi, total = np.array([-1.0, 1.0]), np.zeros(2), 0.0
+    for k in range(5):
+        u = -0.25 * xi - x
+        assert np.max(np.abs(u)) <= 1
+        total += 0.7**k * np.mean(x**2) / 3  # every x_k is a multiple of x_0, and E x_0^2 = 1/3
+        x, xi = 1.5 * x + u, -0.5 * xi + x
+    assert total == pytest.approx(1 / 3 + 0.7 / 12, rel=1e-12)
+
+
+@pytest.mark.parametrize("alpha", [-0.7, 0.3])
+def test_genuine_of(alpha):
+    plant = Plant([[1.5, 0.0], [0.0, alpha]], [[1.0], [0.0]], C=[[1.0, 0.0]])
+    spec = Spec(np.diag([1.0, 0.0]), 0.0, 0.9, Box([-1, -2], [1, 3]), LIMITS)
+    assert first_move(plant, spec).value == pytest.approx(1 / 3 + 0.9 / 12, abs=1e-6)
+    assert best_static_gain(plant, spec).cost == pytest.approx(1 / (3 * (1 - 0.9 / 4)), rel=1e-6)
+    assert any_controller(plant, spec).value <= saturated_cost(0.9, 0.0)
+
+
+def test_general_certificate_on_the_two_state_plant():
+    plant = Plant([[1.10, 1.00], [0.0, 1.02]], [[0.20], [0.50]])
+    spec = Spec(np.eye(2), 0.05, 0.98, Box([-0.8, -0.8], [0.8, 0.8]), LIMITS)
+    gain = best_static_gain(plant, spec)
+    linear, everyone = affine_moves(plant, spec, 20), any_controller(plant, spec)
+    network = 1.3649619  # exact expected cost of the saturated regulator, eq:two_state_saturated_lqr
+    assert first_move(plant, spec).value < network < linear.value < gain.cost
+    assert network * (1 - 1e-3) < everyone.value < network  # within 0.1 % of the best there can be
+
+
+def test_the_last_input_of_the_bound_is_the_paper_s_state_only_index():
+    # eq:Jlin_star with R = 0 by its own formula: E|x0|^2 + beta min E|A x0 + B (D x0 + d)|^2 over 0.8 |D|_1 + |d| <= 1.
+    A, B, beta = np.array([[1.10, 1.00], [0.0, 1.02]]), np.array([[0.20], [0.50]]), 0.98
+    spec = Spec(np.eye(2), 0.0, beta, Box([-0.8, -0.8], [0.8, 0.8]), LIMITS)
+    S0 = 0.64 / 3
+    share = np.linspace(-1.25, 0, 200_001)
+    gains = np.stack([share, -(1.25 + share)])  # the edge of the diamond where the minimum is
+    after = A[:, :, None] + B[:, :, None] * gains[None]
+    true = S0 * (2 + beta * np.min(np.sum(after**2, axis=(0, 1))))
+    assert first_move(Plant(A, B), spec).value == pytest.approx(true, abs=1e-7)
