@@ -12,6 +12,7 @@ import numpy as np
 from inc_casadi import INC, Plant, Spec
 from inc_casadi.bounds import Bound
 from inc_casadi.certificate import Certificate
+from inc_casadi.errors import NotCertifiedError
 from inc_casadi.regional_certificate import RegionalCertificate
 
 from .estimate import Estimate
@@ -88,9 +89,9 @@ class Result:
 
     def require(self) -> Result:
         """Return the result itself when it is certified; raises NotCertifiedError with the reasons otherwise."""
-        from inc_casadi.errors import NotCertifiedError
         if self.status != CERTIFIED:
-            raise NotCertifiedError(f"status is {self.status!r}: " + ("; ".join(self.notes) or "nothing was proved"))
+            refusals = self.chosen.verdict.refusals if self.chosen and self.chosen.verdict else ()
+            raise NotCertifiedError(f"status is {self.status!r}: " + ("; ".join((*refusals, *self.notes))))
         return self
 
     def __str__(self) -> str:

@@ -18,9 +18,9 @@ from inc_casadi.errors import INCError, InfeasibleError, InvalidInputError, NotS
 from inc_casadi.plant import as_plant
 
 from .attempts import Task, attempt, plan
+from .competitors import linear_competitors
 from .estimate import estimate
 from .result import Attempt, Result
-from .starts.static_gain import best_static_gain, scaled_lqr_gain
 
 CELLS = 10_000
 
@@ -63,7 +63,7 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
     notes: list[str] = []
     with _phase(seconds, "bounds"):
         lower = _lower_bounds(plant, spec, notes, say)
-        linear = _linear_competitors(plant, spec, seed, notes, say)
+        linear = linear_competitors(plant, spec, seed, notes, say)
     with _phase(seconds, "search and proof"):
         tasks = plan(plant, spec, hidden, activation, kappa, seed, training_seconds)
         history = _run(tasks, executor, notes, say)
@@ -72,8 +72,8 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
         run = estimate(plant, best.inc, spec, seed=seed) if best and best.inc else None
     seconds["in all"] = time.monotonic() - clock
     if best is None or not best.certified:
-        notes += [f"{one.name}: {reason}" for one in history
-                  for reason in ([one.note] if one.inc is None else list(one.verdict.refusals) if one.verdict else [])]
+        notes += [f"{one.name}: {reason}" for one in history if one is not best
+                  for reason in ([one.note] if one.verdict is None else one.verdict.refusals)]
     certificate = best.verdict.certificate if best and best.verdict else None
     return Result(plant, spec, best.inc if best else None, certificate, run, lower, linear, tuple(history), tuple(notes),
                   seconds, best)
@@ -111,19 +111,6 @@ def _lower_bounds(plant: Plant, spec: Spec, notes: list[str], say: Say) -> dict[
             continue
         say(f"lower bound, {name}: {float(computed[name]):.6f}")
     return computed
-
-
-def _linear_competitors(plant: Plant, spec: Spec, seed: int, notes: list[str], say: Say) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for name, search in (("best static linear gain", lambda: best_static_gain(plant, spec, seed=seed)),
-                         ("scaled LQR gain", lambda: scaled_lqr_gain(plant, spec))):
-        try:
-            found[name] = float(search().cost)
-        except INCError as error:
-            notes.append(f"{name}: {error}")
-            continue
-        say(f"{name}: {found[name]:.6f}")
-    return found
 
 
 def _run(tasks: tuple[Task, ...], executor: Executor | None, notes: list[str], say: Say) -> list[Attempt]:

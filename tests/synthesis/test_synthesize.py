@@ -19,6 +19,7 @@ from inc_casadi.errors import (
 )
 from synthesis import load_result, synthesize
 from synthesis.attempts import attempt
+from synthesis.competitors import keeps_limits
 from synthesis.gate import gate
 
 PLANT = Plant([[1.1, 1.0], [0.0, 1.02]], [[0.2], [0.5]])
@@ -67,6 +68,15 @@ def test_any_executor_gives_the_same_answer(quick, pool):
         result = synthesize(PLANT, SPEC, hidden=0, executor=executor, verbose=False)
     assert result.cost == quick.cost
     np.testing.assert_array_equal(result.inc.U, quick.inc.U)
+
+
+def test_a_linear_gain_that_exceeds_the_limits_later_is_told_apart():
+    """x+ = (x1 + x2, x2 + u) from (0.1, 1): u0 = -0.5 keeps the limit 0.5, u1 = -1.1 - 0.2 does not."""
+    plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]])
+    spec = Spec(np.eye(2), [[0.001]], 0.95, Box([-0.1, -1.0], [0.1, 1.0]), Box([-0.5], [0.5]))
+    assert not keeps_limits(plant, spec, np.array([[-1.0, -0.4]]))
+    small = Spec(np.eye(2), [[0.001]], 0.95, Box([-0.01, -0.1], [0.01, 0.1]), Box([-0.5], [0.5]))
+    assert keeps_limits(plant, small, np.array([[-0.5, -1.0]]))
 
 
 def test_progress_is_printed_only_when_asked(capsys):
@@ -119,7 +129,7 @@ def test_a_plant_that_no_static_gain_stabilizes_is_refused_with_a_reason():
     spec = Spec(np.eye(2), [[1.0]], 0.95, Box([-1.0, -1.0], [1.0, 1.0]), Box([-5.0], [5.0]))
     result = synthesize(plant, spec, hidden=0, verbose=False)
     assert result.status == "failed" and result.cost == np.inf and not result.estimate.settled
-    assert any("does not stabilize: its spectral radius is 1.0" in note for note in result.notes)
+    assert any("does not stabilize: its spectral radius is 1.0" in why for why in result.chosen.verdict.refusals)
     assert "failed" in str(result) and "do not come to rest" in str(result)
     with pytest.raises(NotCertifiedError, match="does not stabilize"):
         result.require()
