@@ -73,7 +73,7 @@ def _climb(loop: ClosedLoop, claim: Claim, rungs: tuple[Multiplier, ...]) -> Mat
             continue
         found.append(search(loop.plant, loop.inc, claim, rung))
         holds = found[-1].holds()
-        notes.append(f"{rung.name}: " + (f"bound {found[-1].bound:.6g}" if holds else "no certificate found"))
+        notes.append(f"{rung.name}: " + (f"bound {found[-1].bound:.7g}" if holds else "no certificate found"))
         if holds and claim.yes_or_no:
             break
     return replace(max(found, key=_strength), note="; ".join(notes))

@@ -16,7 +16,8 @@ STEPS = 200
 EXCEEDS = ", beyond the limits after the first step"
 
 
-def linear_competitors(plant: Plant, spec: Spec, seed: int, notes: list[str], say: Callable[[str], None]) -> dict[str, float]:
+def linear_competitors(plant: Plant, spec: Spec, seed: int, notes: list[str],
+                       say: Callable[[str], None]) -> dict[str, float]:
     """Return the costs of the best static linear gain found and of the scaled LQR gain, by name.
 
     Both keep the input limits at k = 0, as in sec:numerics; a name ends with a remark when the motion exceeds them

@@ -12,7 +12,7 @@ from inc_casadi.arrays import Array
 from inc_casadi.certificate import Certificate
 from inc_casadi.certify import certify
 from inc_casadi.claims import DiscountedCost, Regional
-from inc_casadi.errors import SolverError
+from inc_casadi.errors import InvalidInputError, SolverError
 from inc_casadi.pieces.walk import Budget
 
 
@@ -65,9 +65,13 @@ def _by_pieces(plant: Plant, spec: Spec, inc: INC, budget: Budget | None, _: boo
     if not isinstance(spec.initial, Uniform) or not isinstance(spec.initial.support, Box | Polytope):
         return None, [], "exact pieces: the initial distribution is not uniform over a polytope"
     claim = Regional(spec.initial, spec.inputs, spec.Q, spec.R, spec.discount)
-    certificate = certify(plant, inc, claim, budget=budget)
-    if not certificate.holds():
-        return None, [], f"exact pieces: {certificate.reason}"
+    try:
+        certificate = certify(plant, inc, claim, budget=budget)
+        reason = certificate.reason
+    except InvalidInputError as error:  # a box of many dimensions has too many simplices
+        return None, [], f"exact pieces: {error}"
+    if reason:
+        return None, [], f"exact pieces: {reason}"
     pieces = len(certificate.walk.done)  # type: ignore[attr-defined]
     words = [f"converges from every initial state: exact subdivision, {pieces} pieces"]
     if spec.inputs is not None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,9 +47,20 @@ class Outcome:
 
 @dataclass
 class _Stop:
-    """Whether the search is to end; shared by the callbacks of one solve."""
+    """Whether the search is to end, and why if by an error; shared by the callbacks of one solve."""
 
     requested: bool = False
+    failure: BaseException | None = None
+
+    @contextmanager
+    def guard(self) -> Iterator[None]:
+        """Turn what is raised inside into a request to stop: CasADi would print and forget it."""
+        try:
+            yield
+        except KeyboardInterrupt:
+            self.requested = True
+        except BaseException as error:  # not swallowed: raised again when the solver has returned
+            self.requested, self.failure = True, error
 
 
 def minimize(objective: Objective, start: Parameters, *, method: str = "adjoint", hessian: str = "gauss-newton",
@@ -64,22 +75,22 @@ def minimize(objective: Objective, start: Parameters, *, method: str = "adjoint"
     """
     layout, stop = objective.layout, _Stop()
     x = ca.MX.sym("x", layout.size)
-    watch = _Watch(objective, stop, progress)
-    options = _options(max_iterations, time_limit) | {"iteration_callback": watch}
     if method == "graph":
         value, excess = graph_objective(objective, x)
     else:
         calls = _callbacks(objective, stop)
         value = calls["value"](x)
         excess = calls["excess"](x) if "excess" in calls else ca.MX(0, 1)
+    watch = _Watch(objective, excess.numel(), stop, progress)
+    options = _options(max_iterations, time_limit) | {"iteration_callback": watch}
     if method == "adjoint" and hessian == "gauss-newton":
         options["hess_lag"] = calls["hessian"]
     else:
         options |= {"ipopt.hessian_approximation": "limited-memory", "ipopt.limited_memory_max_history": 20}
     problem = {"x": x, "f": value, "g": ca.vertcat(ca.sparsify(ca.DM(layout.rows)) @ x, excess)}
     status = _run(problem, options, layout, layout.start(start), stop)
-    if watch.failure is not None:
-        raise watch.failure
+    if stop.failure is not None:
+        raise stop.failure
     return Outcome(start if watch.best is None else layout.parameters(watch.best), status, tuple(watch.history))
 
 
@@ -102,8 +113,8 @@ def _run(problem: dict[str, ca.MX], options: dict[str, Any], layout: Layout, x0:
 def graph_objective(objective: Objective, x: ca.MX) -> tuple[ca.MX, ca.MX]:
     """Return value and excess of an objective as pure CasADi expressions of x, the reference for the NumPy ones.
 
-    The fixed point is a rootfinder, time a `mapaccum`, the samples a `map`; derivatives are CasADi's own. The excess
-    lists the half-spaces of each input, and the inputs sample by sample.
+    The fixed point is a rootfinder, time a `mapaccum`, the samples a `map`; derivatives are CasADi's own. The excess is
+    listed for every step, half-space by half-space, step by step and sample by sample.
     """
     scenario, N = objective.scenario, objective.scenario.weights.size
     law = _law(objective.layout, x)
@@ -214,26 +225,23 @@ class _Call(ca.Callback):
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
         # NaN tells IPOPT's line search to step back, and after an interruption ends the search.
         value: Any = np.full(self._output.shape, np.nan)
-        try:
+        with self._stop.guard():
             if not self._stop.requested:
                 value = self._function(*(part.full() for part in arguments))
-        except KeyboardInterrupt:
-            self._stop.requested = True
-        except np.linalg.LinAlgError:
-            pass  # I - D W is singular only outside the norm bound
         return [ca.project(ca.DM(value), self._output)]
 
 
 class _Watch(ca.Callback):
     """Called by IPOPT after each step: keeps the best accepted iterate and the history, and can end the search."""
 
-    def __init__(self, objective: Objective, stop: _Stop, progress: Progress | None) -> None:
+    def __init__(self, objective: Objective, constraints: int, stop: _Stop, progress: Progress | None) -> None:
         super().__init__()
-        self._objective, self._stop, self._progress = objective, stop, progress
+        self._scale, self._size = objective.scale, objective.layout.size
+        self._norms, self._constraints = objective.layout.rows.shape[0], constraints
+        self._stop, self._progress = stop, progress
         self._began, self._least = time.perf_counter(), np.inf
         self.best: Array | None = None
         self.history: list[tuple[int, float, float]] = []
-        self.failure: BaseException | None = None
         self.construct("watch", {})
 
     def get_n_in(self) -> int:
@@ -243,30 +251,17 @@ class _Watch(ca.Callback):
         return 1
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        rows = self._objective.layout.rows.shape[0] + self._objective.constraints
-        size = self._objective.layout.size
-        return _dense(*{"f": (1,), "x": (size,), "lam_x": (size,), "lam_p": (0, 0)}.get(ca.nlpsol_out(i), (rows,)))
+        shapes = {"f": (1,), "x": (self._size,), "lam_x": (self._size,), "lam_p": (0, 0)}
+        return _dense(*shapes.get(ca.nlpsol_out(i), (self._norms + self._constraints,)))
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
         x, f, g = (part.full().ravel() for part in arguments[:3])
-        cost = self._objective.scale * float(np.expm1(f[0]))
-        excess = np.max(g[self._objective.layout.rows.shape[0]:], initial=-np.inf)
+        cost = self._scale * float(np.expm1(f[0]))
+        excess = np.max(g[self._norms:], initial=-np.inf)
         if cost < self._least and excess <= 1e-6:
             self.best, self._least = x, cost
         self.history.append((len(self.history), cost, time.perf_counter() - self._began))
-        self._report()
+        with self._stop.guard():
+            if self._progress is not None:
+                self._progress(*self.history[-1])
         return [ca.DM(int(self._stop.requested))]
-
-    def _report(self) -> None:
-        if self._progress is None:
-            return
-        finished = False
-        try:
-            self._progress(*self.history[-1])
-            finished = True
-        except KeyboardInterrupt:
-            self._stop.requested = finished = True
-        finally:
-            # CasADi turns an exception into a failed solve; it is kept here to be raised again afterwards.
-            if not finished:
-                self.failure = sys.exc_info()[1]

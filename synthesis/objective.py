@@ -94,7 +94,7 @@ class Objective:
     the next fixed point.
 
     scenario: what is minimized; sketch: the scenario of the Gauss-Newton Hessian, perhaps with fewer nodes; scale: the
-    size of a good cost; limits: (H, h) of inputs that must satisfy H u <= h at every node and step, or None.
+    size of a good cost; limits: (H, h) when the inputs must satisfy H u <= h at every node and step, or None.
     """
 
     def __init__(self, scenario: Scenario, layout: Layout, scale: float, limits: tuple[Array, Array] | None = None,
@@ -110,8 +110,13 @@ class Objective:
     @property
     def constraints(self) -> int:
         """Number of rows of `excess`."""
-        inputs = self.scenario.steps * self.scenario.weights.size
-        return 0 if self.limits is None else self.limits[1].size * inputs
+        return 0 if self.limits is None else self._steps.size * self.limits[1].size * self.scenario.weights.size
+
+    @property
+    def _steps(self) -> np.ndarray:
+        # Ever sparser steps: a settling input is largest early, and every row costs IPOPT a dense row.
+        squares = np.arange(self.scenario.steps) * (np.arange(self.scenario.steps) + 1) // 2
+        return squares[squares < self.scenario.steps]
 
     def value(self, x: Array) -> float:
         """Return log(1 + J / scale), NaN where the loop is lost, so that the line search steps back."""
@@ -138,15 +143,15 @@ class Objective:
         return H + self._damping * np.eye(x.size)
 
     def excess(self, x: Array) -> Array:
-        """Return H u - h at every step, node and half-space, flat; nonpositive where the input is admissible."""
+        """Return H u - h at steps 0, 1, 3, 6, ..., every node and half-space, flat; at most zero where admissible."""
         assert self.limits is not None
         H, h = self.limits
-        return (self._at(x)[1].u @ H.T - h).ravel()
+        return (self._at(x)[1].u[self._steps] @ H.T - h).ravel()
 
     def excess_jacobian(self, x: Array) -> Array:
         """Return the Jacobian of `excess` (rows, nx)."""
         assert self.limits is not None
-        full = self.limits[0] @ input_jacobian(self.scenario, *self._at(x))
+        full = self.limits[0] @ input_jacobian(self.scenario, *self._at(x))[self._steps]
         return full.reshape(-1, full.shape[-1])[:, self.layout.index] * self.layout.factor
 
     def _at(self, x: Array) -> tuple[Parameters, Motion]:

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from inc_casadi.figures import at_least, at_most
+from inc_casadi.regional_certificate import RegionalCertificate
+
 from .result import CERTIFIED, Result
 
 WIDTH = 43
@@ -34,23 +37,23 @@ def verdict_sentence(result: Result) -> str:
     parts = []
     linear = [bound for name, bound in result.bounds.items() if "linear" in name and bound.holds()]
     if linear and max(map(float, linear)) > result.cost:
-        parts.append(f"every admissible finite-order linear controller costs at least {max(map(float, linear)):.6f}, "
-                     f"this one at most {result.cost:.6f}")
+        parts.append(f"every admissible finite-order linear controller costs at least "
+                     f"{at_least(max(map(float, linear)))}, this one at most {at_most(result.cost)}")
     anyone = [bound for name, bound in result.bounds.items() if "any" in name and bound.holds()]
     if anyone and float(anyone[0]) > 0:
         gap = 100 * (result.cost / float(anyone[0]) - 1)
-        parts.append(f"no controller whatever costs less than {float(anyone[0]):.6f}, so this one is within "
-                     f"{gap:.2g} % of the best possible")
+        parts.append(f"no controller whatever costs less than {at_least(float(anyone[0]))}, so this one is within "
+                     f"{at_most(gap, 2)} % of the best possible")
     return ("Proved: " + "; ".join(parts) + ".") if parts else ""
 
 
 def _costs(result: Result) -> list[tuple[str, str]]:
     rows = []
     if np.isfinite(result.cost):
-        rows.append(("certified expected cost", f"{result.cost:.7f}"))
+        rows.append(("certified expected cost", _exact(result)))
     if np.isfinite(result.worst):
         point = np.round(result.certificate.worst[1], 4).tolist()  # type: ignore[union-attr]
-        rows.append(("certified worst cost over the set", f"{result.worst:.5f}, from x0 = {point}"))
+        rows.append(("certified worst cost over the set", f"at most {at_most(result.worst)}, from x0 = {point}"))
     run = result.estimate
     if run is not None:
         words = (f"{run.mean:.4f} +- {run.standard_error:.4f} (standard error, {run.samples} samples)"
@@ -61,8 +64,15 @@ def _costs(result: Result) -> list[tuple[str, str]]:
     return rows
 
 
+def _exact(result: Result) -> str:
+    words = f"at most {at_most(result.cost)}"
+    if isinstance(result.certificate, RegionalCertificate):
+        words += f" (exact up to rounding: {result.certificate.expected:.8f})"
+    return words
+
+
 def _bounds(result: Result) -> list[tuple[str, str]]:
-    rows = [(f"lower bound, {name}", f"{float(bound):.6f}" + ("" if bound.holds() else " (not confirmed)"))
+    rows = [(f"lower bound, {name}", at_least(float(bound)) + ("" if bound.holds() else " (not confirmed)"))
             for name, bound in result.bounds.items()]
     return rows + [(f"{name} (found)", f"{value:.6f}") for name, value in result.linear.items() if np.isfinite(value)]
 

@@ -46,10 +46,10 @@ class Attempt:
 class Result:
     """The outcome of `synthesize`. `print(result)` shows the table of an engineer, `result.plot()` the pictures.
 
-    inc: the controller, the best candidate when none passed, None when there was no candidate; status: "certified", "simulation evidence" or "failed", and
-    nothing else is ever said; certificate: the one that holds, or None; estimate: the simulated cost; bounds: lower
-    bounds by name; linear: what the best linear competitors found cost; history: every attempt; notes: reasons
-    and interruptions; seconds: wall time by phase.
+    inc: the controller, the best candidate when none passed, None when there was no candidate; status: "certified",
+    "simulation evidence" or "failed", and nothing else is ever said; certificate: the one that holds, or None;
+    estimate: the simulated cost; bounds: lower bounds by name; linear: what the linear competitors found cost; history:
+    every attempt; notes: reasons and interruptions; seconds: wall time by phase; chosen: the attempt that was taken.
     """
 
     plant: Plant

@@ -15,6 +15,7 @@ from inc_casadi.activations import Activation
 from inc_casadi.arrays import number
 from inc_casadi.bounds import Bound
 from inc_casadi.errors import INCError, InfeasibleError, InvalidInputError, NotStabilizableError
+from inc_casadi.figures import at_least, at_most
 from inc_casadi.plant import as_plant
 
 from .attempts import Task, attempt, plan
@@ -93,7 +94,7 @@ def _check(plant: Plant, spec: Spec, hidden: int, activation: Activation, kappa:
     modes = plant.unstabilizable_modes()
     if modes:
         words = ", ".join(f"{mode:.6g}" for mode in modes)
-        raise NotStabilizableError(f"the plant is not stabilizable: the input does not reach the mode with eigenvalue {words}")
+        raise NotStabilizableError(f"the plant is not stabilizable: no input reaches the mode with eigenvalue {words}")
     obstruction = bounds.uncontrollable_vertex(plant, spec)
     if obstruction:
         raise InfeasibleError(obstruction)
@@ -109,7 +110,7 @@ def _lower_bounds(plant: Plant, spec: Spec, notes: list[str], say: Say) -> dict[
         except INCError as error:
             notes.append(f"no lower bound for {name}: {error}")
             continue
-        say(f"lower bound, {name}: {float(computed[name]):.6f}")
+        say(f"lower bound, {name}: {at_least(float(computed[name]))}")
     return computed
 
 
@@ -138,7 +139,7 @@ def _line(one: Attempt) -> str:
     if one.verdict is None or one.estimate is None:
         return f"{one.name}: no candidate, {one.note}"
     if one.certified:
-        return f"{one.name}: certified cost {one.verdict.cost:.7f}"
+        return f"{one.name}: certified cost at most {at_most(one.verdict.cost)}"
     return f"{one.name}: not certified, simulated cost {one.estimate.mean:.4f}"
 
 

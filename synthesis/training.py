@@ -25,7 +25,7 @@ from .training_setup import Setup, balanced, row_bound, setup
 SHORT_HORIZON, SHORT_ITERATIONS = 2, 40
 _POOR = 4.0  # a start this many times above the cost without input limits is first brought near by a short horizon
 _GAIN = 1e-7  # relative; a smaller gain is noise of the estimate, and the start is the simpler law
-_BACKOFF = 1.2  # how much more than the violation seen by the judge an input constraint is tightened
+_BACKOFF, _TIGHTENED = 1.2, 3  # input constraints are tightened by this much of the violation seen, so many times
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,8 +150,10 @@ class _Search:
         """Return the laws that the phases end with, each phase beginning where the last one ended."""
         laws: list[Parameters] = []
         margin: Array | float = 0.0
-        coarse, fine = self.setup.coarse(), self.setup.fine()
-        phases = [("coarse", coarse, self.max_iterations), ("fine", fine, (self.max_iterations + 1) // 2)]
+        coarse, fine, fewer = self.setup.coarse(), self.setup.fine(), (self.max_iterations + 1) // 2
+        phases = [("coarse", coarse, self.max_iterations), ("fine", fine, fewer)]
+        if self.setup.limits is not None:
+            phases += [("tightened", fine, fewer)] * _TIGHTENED
         begun = roll(coarse, law).cost
         if not begun <= _POOR * self.setup.scale:
             phases.insert(0, ("short", replace(coarse, steps=SHORT_HORIZON), SHORT_ITERATIONS))
@@ -163,8 +165,10 @@ class _Search:
                 continue
             law = found
             laws.append(law)
-            if self.setup.limits is not None:
-                margin = margin + _BACKOFF * np.maximum(self.setup.judge(law)[1], 0.0)
+            excess = self.setup.judge(law)[1] if self.setup.limits is not None else np.zeros(0)
+            margin = margin + _BACKOFF * np.maximum(excess, 0.0)
+            if name == "fine" and np.all(excess <= 0.0):
+                break
         return laws
 
     def _phase(self, name: str, scenario: Scenario, law: Parameters, iterations: int,
@@ -194,13 +198,12 @@ class _Search:
 
 
 def _best(search: _Search, start: Parameters, laws: list[Parameters]) -> Training:
-    """Return the cheapest law, on nodes unseen, among those that keep the input limits as well as the start does."""
+    """Return the law that keeps a polytope of inputs best, and among those that keep it the cheapest, on unseen nodes."""
     problem = search.setup
     judged = [problem.judge(law) for law in (start, *laws)]
     excess = [float(np.max(rows, initial=0.0)) for _, rows in judged]
-    costs = [cost if over <= max(excess[0], 1e-9) else np.inf for (cost, _), over in zip(judged, excess, strict=True)]
-    costs[0] *= 1.0 - _GAIN
-    best = int(np.argmin(costs))
+    ranks = [(over, cost * (1.0 - _GAIN) if i == 0 else cost) for i, (over, (cost, _)) in enumerate(zip(excess, judged))]
+    best = min(range(len(ranks)), key=ranks.__getitem__)
     inner = problem.inner((start, *laws)[best])
     inputs = problem.spec.inputs
     status = search.status if best else f"the start is kept ({search.status})"

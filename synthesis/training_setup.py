@@ -24,7 +24,7 @@ from .starts.lqr import discounted_lqr
 from .starts.random_start import input_range, measurement_range
 
 COARSE, FINE, JUDGE, CONSTRAINED = 130, 400, 900, 40  # most nodes: first phase, last phase, judge, input constraints
-_HESSIAN_WORK, _HESSIAN_NODES = 5e8, 30  # multiplications that one Hessian may take; fewest nodes it is thinned to
+_HESSIAN_WORK, _HESSIAN_NODES = 5e8, 40  # multiplications that one Hessian may take; fewest nodes it is thinned to
 _MOST_VERTICES = 64
 
 
@@ -69,9 +69,9 @@ class Setup:
         """Return the scenario of the Gauss-Newton Hessian, thinned to bound its work; None where that cannot be."""
         parameters = self.layout.fixed.size
         work = _HESSIAN_WORK / (scenario.steps * (self.plant.n + self.plant.m) * parameters**2)
-        if work < _HESSIAN_NODES / 4:
+        if work < _HESSIAN_NODES:
             return None
-        budget = min(COARSE, max(int(work), _HESSIAN_NODES))
+        budget = min(COARSE, int(work))
         return scenario if scenario.weights.size <= budget else self.scenario(budget, scenario.steps)
 
     def judge(self, law: Parameters) -> tuple[float, Array]:

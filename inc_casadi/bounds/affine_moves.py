@@ -10,12 +10,13 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import InvalidInputError
+from ..figures import at_least
 from ..plant import as_plant
 from ..sets import Box, Distribution, Ellipsoid
 from ..sets.rules import whole
 from ..spec import Spec
 from .affine_problem import AffineProgram, Cuts, best_moves, farthest, moment_root
-from .bound import Bound, figure
+from .bound import Bound
 from .lagrangian import Lagrangian
 from .measured import measured_rows
 from .value_iteration import discrete, unlimited
@@ -47,7 +48,7 @@ class AffineMovesBound(Bound):
         N = len(self.moves)
         judged = "its first move" if N == 1 else f"its first {N} moves"
         return (f"Every linear controller of any finite order{seen}, started from a fixed state and keeping the input "
-                f"limits from every initial state, costs at least {figure(self.value)} on average over the initial "
+                f"limits from every initial state, costs at least {at_least(self.value)} on average over the initial "
                 f"states ({judged} counted).")
 
     def dual(self) -> tuple[float, float]:

@@ -9,11 +9,12 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..figures import at_least
 from ..plant import Plant, as_plant
 from ..sets import Box
 from ..sets.rules import whole
 from ..spec import Spec
-from .bound import Bound, figure
+from .bound import Bound
 from .moves import UNIT, minorant, rollout
 from .partition import Cells, partition
 from .sequences import optimal_sequences
@@ -50,7 +51,7 @@ class AnyControllerBound(Bound):
     def statement(self) -> str:
         """One sentence for an engineer."""
         return (f"Every controller whatever that keeps the input limits (nonlinear, dynamic or predictive, with the "
-                f"full state measured) costs at least {figure(self.value)} on average over the initial states.")
+                f"full state measured) costs at least {at_least(self.value)} on average over the initial states.")
 
     def dual(self) -> tuple[float, float]:
         """Return the value proved by the stored sequences, and the rounding allowance."""

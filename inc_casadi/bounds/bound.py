@@ -56,16 +56,3 @@ class Bound(ABC):
         """
         value, allowance = self.dual()
         return isfinite(self.value) and self.value <= value - allowance / 2
-
-
-def figure(value: float) -> str:
-    """Return a value for a sentence, rounded down at the seventh digit so that the sentence stays true.
-
-    >>> figure(2.11676399), figure(0.0), figure(-1.00000001)
-    ('2.116763', '0', '-1.000001')
-    """
-    if value == 0 or not isfinite(value):
-        return f"{value:g}"
-    from decimal import ROUND_FLOOR, Context
-
-    return f"{Context(prec=7, rounding=ROUND_FLOOR).create_decimal_from_float(value).normalize():f}"

@@ -9,9 +9,10 @@ import numpy as np
 
 from ..arrays import Array
 from ..errors import InvalidInputError
+from ..figures import at_least
 from ..plant import Plant
 from ..spec import Spec
-from .bound import Bound, figure
+from .bound import Bound
 from .moves import UNIT
 
 # With R + beta B'PB scaled to a unit diagonal, eigenvalues up to here are zero: inputs that repeat one another.
@@ -104,7 +105,7 @@ class UnlimitedBound(Bound):
     @property
     def statement(self) -> str:
         """One sentence for an engineer."""
-        return (f"Every controller whatever, even one without input limits, costs at least {figure(self.value)} on "
+        return (f"Every controller whatever, even one without input limits, costs at least {at_least(self.value)} on "
                 f"average over the initial states ({self.steps} steps of value iteration).")
 
     def dual(self) -> tuple[float, float]:

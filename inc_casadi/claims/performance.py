@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arrays import Array, number, symmetric
 from ..errors import DimensionError, InvalidInputError
+from ..figures import at_most
 from ..inc import INC
 from ..loop import ClosedLoop
 from ..multipliers.base import Unknown, constant
@@ -98,7 +99,7 @@ class DiscountedCost(Claim):
     def sentence(self, loop: ClosedLoop, values: Mapping[str, Any]) -> str:
         """Return the promise with its number."""
         return (f"From every initial state x0 the discounted cost is at most x0'P x0, and its expectation over the "
-                f"initial distribution is at most {self.bound(loop, values):.6g}.")
+                f"initial distribution is at most {at_most(self.bound(loop, values))}.")
 
     def obstacle(self, plant: Plant, inc: INC, *, exactly: bool = False) -> str | None:
         """Return a sentence when u = 0 at x = 0 is not established: the cost is then counted from x*, not from 0.

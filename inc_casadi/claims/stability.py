@@ -8,6 +8,7 @@ from typing import Any
 
 from ..arrays import number
 from ..errors import InvalidInputError
+from ..figures import at_least, at_most
 from ..inc import INC
 from ..loop import ClosedLoop
 from ..multipliers.base import Unknown, constant
@@ -99,8 +100,8 @@ class Stability(Claim):
         if self.rate is None:
             speed = "the distance falls to zero at a rate that is not named"
         elif loop.plant.discrete:
-            speed = f"(x - x*)'P (x - x*) shrinks at least by the factor {self.rate:.6g}^2 in every step"
+            speed = f"(x - x*)'P (x - x*) shrinks at least by the factor {at_most(self.rate)}^2 in every step"
         else:
-            speed = f"(x - x*)'P (x - x*) decays at least as exp(-{self.rate:.6g} t), t in seconds"
+            speed = f"(x - x*)'P (x - x*) decays at least as exp(-{at_least(self.rate)} t), t in seconds"
         speed = speed.replace("(x - x*)", "x") if loop.inc.preserves_origin else speed
         return f"The loop is globally exponentially stable about {about}: from every initial state, {speed}."

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from decimal import Context
 from typing import Any
 
 import numpy as np
 
+from ..figures import at_least, at_most
 from .style import colour, say_in, tint
 
 AT_LEAST, AT_MOST, ABOUT, FOUND = "at least", "at most", "about", "found"
@@ -86,9 +87,8 @@ def rounded(value: float, kind: str) -> str:
     """Return a figure in seven digits: an "at least" rounded down, an "at most" rounded up, others to the nearest.
 
     >>> rounded(1.36496190, AT_MOST), rounded(1.36496195, AT_LEAST)
-    ('1.36497', '1.36496')
+    ('1.364962', '1.364961')
     """
-    if value == 0:
-        return "0"
-    rounding = {AT_LEAST: ROUND_FLOOR, AT_MOST: ROUND_CEILING}.get(kind)
-    return f"{Context(prec=7, rounding=rounding).create_decimal_from_float(value).normalize():f}"
+    if kind == AT_LEAST:
+        return at_least(value)
+    return at_most(value) if kind == AT_MOST else f"{Context(prec=7).create_decimal_from_float(value).normalize():f}"

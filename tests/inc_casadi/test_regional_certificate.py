@@ -201,6 +201,12 @@ def test_no_cost_at_all_is_proved_to_be_zero():
     assert certificate.bound == 0.0 and certificate.prove().succeeded
 
 
+def test_a_bound_below_the_exact_cost_is_not_proved(monkeypatch):
+    certificate = saturated()
+    monkeypatch.setattr("inc_casadi.regional_certificate.ROUNDING", -1e-8)
+    assert certificate.prove().reason.startswith("the expected cost exceeds the bound")
+
+
 def test_small_and_large_units_give_the_same_proof():
     for size in (1e-4, 1e4):
         half = 0.8 * size * np.ones(2)

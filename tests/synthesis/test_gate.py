@@ -79,3 +79,10 @@ def test_polytopic_limits_are_checked_at_the_worst_corner():
     assert any("not built into" in why for why in gate(plant, spec, law).refusals)
     small = INC.saturated([[-0.4, 0.0], [0.0, -0.3]], [0.5, 0.5])
     assert gate(plant, spec, small).accepted
+
+
+def test_a_box_of_many_dimensions_goes_to_the_inequality():
+    plant = Plant(0.5 * np.eye(10), np.ones((10, 1)))
+    spec = Spec(np.eye(10), [[1.0]], 0.9, Box(-np.ones(10), np.ones(10)))
+    verdict = gate(plant, spec, INC.linear(-0.01 * np.ones((1, 10))))
+    assert verdict.accepted and any("simplices" in why for why in verdict.refusals)

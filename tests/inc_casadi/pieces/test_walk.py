@@ -1,5 +1,6 @@
 """The exact walk: against trajectories, under changes of coordinates and units, in Fractions, and out of budget."""
 
+import time
 from fractions import Fraction
 
 import numpy as np
@@ -9,8 +10,9 @@ import pytest
 from inc_casadi import INC, Box, Identity, LeakyReLU, Plant, Polytope, ReLU, Saturation
 from inc_casadi.claims.regional import Regional
 from inc_casadi.pieces.laws import PiecewiseLoop
+from inc_casadi.pieces.simplices import begin
 from inc_casadi.pieces.terminal import find, in_fractions
-from inc_casadi.pieces.walk import Budget, walk
+from inc_casadi.pieces.walk import Budget, _size, one_pattern_each, walk
 
 STEPS = 130  # 0.8^130 is 3e-13
 
@@ -241,6 +243,19 @@ def test_cutting_ends_where_many_kinks_nearly_meet():
         claim = Regional(Box([-0.8, -0.8], [0.8, 0.8]), Box([-1.0], [1.0]), np.eye(2), [[0.05]], 0.98)
         found = follow(Plant(A, B), inc, claim)
         assert found.complete and len(found.done) < 10_000
+
+
+def test_what_lies_on_a_kink_up_to_rounding_is_not_cut():
+    # z = x1 - x2 is a difference of numbers of size 1: here it is their rounding and nothing else.
+    loop = PiecewiseLoop(Plant(0.5 * np.eye(2), np.ones((2, 1))), INC([[0.0]], [[1.0, -1.0]], [[1.0]], [[0.0, 0.0]]))
+    tiny = 2.0**-52
+    sliver = begin(np.array([[[1.0, 1.0], [1.0 + tiny, 1.0], [1.0, 1.0 + tiny]]]), np.ones(1))
+    whole = begin(np.array([[[1.0, 1.0], [2.0, 1.0], [1.0, 2.0]]]), np.ones(1))
+    for simplices, pieces in ((sliver, 1), (whole, 2)):
+        patterns = loop.patterns_at(simplices.centroids())
+        size = _size(loop, patterns, simplices.now)
+        found = one_pattern_each(loop, simplices, np.zeros(1, int), patterns, size, Budget(), time.monotonic())
+        assert len(found[0]) == pieces and found[3] == pieces - 1
 
 
 @pytest.mark.parametrize("budget, reason", [

@@ -1,0 +1,32 @@
+"""Numbers in sentences, rounded to the side on which the sentence stays true."""
+
+from __future__ import annotations
+
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
+from math import isfinite
+
+DIGITS = 7
+
+
+def at_least(value: float, digits: int = DIGITS) -> str:
+    """Return a lower bound rounded down.
+
+    >>> at_least(2.11676399), at_least(0.0), at_least(-1.00000001)
+    ('2.116763', '0', '-1.000001')
+    """
+    return _rounded(value, ROUND_FLOOR, digits)
+
+
+def at_most(value: float, digits: int = DIGITS) -> str:
+    """Return an upper bound rounded up.
+
+    >>> at_most(1.36496190), at_most(2.0)
+    ('1.364962', '2')
+    """
+    return _rounded(value, ROUND_CEILING, digits)
+
+
+def _rounded(value: float, rounding: str, digits: int) -> str:
+    if value == 0 or not isfinite(value):
+        return f"{value:g}"
+    return f"{Context(prec=digits, rounding=rounding).create_decimal_from_float(float(value)).normalize():f}"
