@@ -25,10 +25,10 @@ from .plant import Plant
 
 SLACKS = (1e-7, 1e-6, 1e-5, 1e-4)
 RATE_TOLERANCE = 1e-4
+SLOWEST = 1e-9  # rate, relative to the loop's fastest conceivable one, below which none is named
 LARGEST_SCALE = 1e4
 TIE_BREAK = 1e-9
 CLOSE = 1e-3  # a relative margin that other coordinates may still mend
-KEPT = 0.98  # of what given numbers prove beyond the rate they were found for; the rest stays as a margin
 
 
 def search(plant: Plant, inc: INC, claim: Claim, multiplier: Multiplier) -> MatrixCertificate:
@@ -130,8 +130,8 @@ def _solve(loop: ClosedLoop, claim: Claim, multiplier: Multiplier, frame: Frame,
     constraints = [variables[u.name][u.signed] >= 0 for u in (*wanted, *multipliers) if u.signed.any()]
     level = cp.Variable() if slack is None else slack
     for condition in claim.conditions(twin, values, multiplier.matrix(twin, values)).values():
-        in_frame = next((variables[u.name] for u in wanted if condition is values[u.name]), None)
-        in_frame = _in_frame(condition, frame) if in_frame is None else in_frame
+        # What the twin forms is in the frame already; a condition on P itself means the variable, P in the frame.
+        in_frame = next((variables[u.name] for u in wanted if condition is values[u.name]), condition)
         constraints.append(in_frame - level * np.eye(condition.shape[0]) >> 0)
     sizes = [cp.trace(variables[u.name]) / u.shape[0] for u in wanted if u.is_symmetric]
     if slack is None:
@@ -159,14 +159,6 @@ def _in_loop(unknown: Unknown, value: Any, frame: Frame) -> Any:
     if unknown.kind != "symmetric" or unknown.shape[0] != len(frame.T):
         return value
     return frame.T.T @ value @ frame.T
-
-
-def _in_frame(condition: Any, frame: Frame) -> Any:
-    """Return a condition in the frame; those on s are there already, because the twin's matrices are."""
-    if condition.shape[0] == len(frame.S) or condition.shape[0] != len(frame.T):
-        return condition
-    back = frame.S[: len(frame.T), : len(frame.T)]
-    return back.T @ condition @ back
 
 
 def _number(unknown: Unknown, variable: Any) -> Array:
@@ -216,7 +208,7 @@ def _best_rate(loop: ClosedLoop, claim: Stability, multiplier: Multiplier) -> Ma
     start = max(_widest(loop, claim, multiplier, frame), key=worst_margin, default=None)
     if start is None or worst_margin(start) <= 0:
         return start or unsolved(loop.plant, loop.inc, claim, multiplier, "the solver returned no numbers")
-    ceiling = 1.0 if loop.plant.discrete else 8.0 * float(np.linalg.norm(loop.F, 2))
+    ceiling = 1.0 if loop.plant.discrete else 8.0 * float(np.linalg.norm(frame.T @ loop.F @ frame.S, 2))
     speed, best = _pushed(start, 0.0, ceiling)
     if speed == 0.0:
         return start
@@ -241,12 +233,11 @@ def _at_speed(loop: ClosedLoop, speed: float) -> Stability:
 def _pushed(found: MatrixCertificate, speed: float, ceiling: float) -> tuple[float, MatrixCertificate]:
     """Return a rate near the fastest one below the ceiling that the numbers of a certificate prove."""
     fastest, step = speed, ceiling
-    while step > max(1e-3 * RATE_TOLERANCE * ceiling, 0.1 * RATE_TOLERANCE * fastest):
+    while step > max(SLOWEST * ceiling, 0.1 * RATE_TOLERANCE * fastest):
         step /= 2.0
         trial = fastest + step
         if trial < ceiling and worst_margin(replace(found, claim=_at_speed(found.loop, trial))) > 0:
             fastest = trial
     if fastest == speed:
         return speed, found
-    speed += KEPT * (fastest - speed)
-    return speed, replace(found, claim=_at_speed(found.loop, speed))
+    return fastest, replace(found, claim=_at_speed(found.loop, fastest))

@@ -15,10 +15,13 @@ from .arrays import Array, number, symmetric
 from .certificate import Certificate, Proof
 from .claims.regional import Regional
 from .errors import ConvergenceError, InvalidInputError
+from .figures import at_most
 from .inc import INC
 from .loop import close_loop
+from .output_range import within_limits
+from .pieces.enclosure import LEVEL_ROOM, enclose
 from .pieces.laws import PiecewiseLoop
-from .pieces.terminal import TerminalSet, find, in_fractions, refusal, with_ellipsoid
+from .pieces.terminal import TerminalSet, find, in_fractions, in_places, refusal, with_ellipsoid
 from .pieces.walk import Budget, Walk, walk
 from .plant import Plant, as_plant
 
@@ -119,18 +122,28 @@ class RegionalCertificate(Certificate):
         rest = np.array2string(np.round(terminal.x, 9) + 0.0, precision=6)
         limits = "" if self.claim.inputs is None else "every input stays within its limits, "
         return (f"From every starting point of the initial set {limits}the motion converges to x* = {rest}, and the "
-                f"discounted cost (discount {self.claim.discount:g}) is at most {self.bound:.8g} in expectation and at "
-                f"most {self.worst[0] * (1 + ROUNDING):.8g} from any point.")
+                f"discounted cost (discount {self.claim.discount:g}) is at most {at_most(self.bound)} in expectation and "
+                f"at most {at_most(self.worst[0] * (1 + ROUNDING))} from any point.")
 
     def prove(self) -> Proof:
-        """Repeat the walk in exact fractions: terminal set, limits, convergence and both cost bounds, no float in it.
+        """Settle terminal set, limits, convergence and both cost bounds rigorously, by the cheapest means that suffices.
+
+        The terminal set is checked in Fractions. Then the walk is repeated with 256 binary places and a bound on all that
+        rounding can do (`pieces.enclosure`); where an input touches a limit that is not built into the controller, or
+        the errors grow too large, in Fractions without any rounding, which takes long for many pieces.
 
         What is proved speaks of the simplices that the initial set lists, with their corners taken exactly as stored.
         Nothing is tried when the walk in floats has failed already.
         """
         start = time.perf_counter()
-        trouble = self.reason or self._exact_trouble()
-        return Proof(not trouble, "exact fractions over all pieces", time.perf_counter() - start, trouble)
+        trouble, method = self.reason or self._exact_setting(), "exact fractions"
+        if not trouble:
+            method = "256 binary places with every rounding bounded"
+            trouble = self._enclosed_trouble()
+        if trouble and not self.reason and not self._exact_setting():
+            method = "exact fractions over all pieces"
+            trouble = self._exact_trouble()
+        return Proof(not trouble, method, time.perf_counter() - start, trouble)
 
     @cached_property
     def _law(self) -> INC:
@@ -153,27 +166,52 @@ class RegionalCertificate(Certificate):
             return f"the controller is not proved well posed: {test.test}"
         return ""
 
-    def _exact_trouble(self) -> str:
+    @cached_property
+    def _exact(self) -> tuple[PiecewiseLoop, TerminalSet]:
+        loop, found = PiecewiseLoop(self.plant, self._law, "exact"), self._setting[1]
+        assert found is not None
+        return loop, in_fractions(loop, self.claim, found)
+
+    def _exact_setting(self) -> str:
+        """What is wrong, in exact arithmetic, with what a walk starts from."""
         if not exact.contracts(lipschitz(self.inc.activations), self.inc.W, self.inc.well_posedness().weights):
             return f"the controller is not proved well posed: {self.inc.well_posedness().test}"
-        _, found = self._setting
-        if found is None:
+        if self._setting[1] is None:
             return self.note or "no terminal set is stored"
-        loop = PiecewiseLoop(self.plant, self._law, rational=True)
-        terminal = in_fractions(loop, self.claim, found)
-        trouble = refusal(loop, self.claim, terminal)
-        if trouble:
-            return trouble
+        loop, terminal = self._exact
+        return refusal(loop, self.claim, terminal) or ""
+
+    def _enclosed_trouble(self) -> str:
+        """What keeps a rounded walk and its error bound from proving the claim."""
+        loop = PiecewiseLoop(self.plant, self._law, "fixed")
+        terminal = in_places(self._exact[1], 1 - LEVEL_ROOM)
         try:
-            steps = walk(loop, self.claim, terminal, self.budget)
+            found = walk(loop, self.claim, terminal, self.budget)
         except ConvergenceError as error:
             return str(error)
-        trouble = self._walk_trouble(steps, 0.0)
-        if trouble:
-            return trouble
-        if steps.done.expected_cost() > Fraction(self.bound):
+        if not found.complete:
+            return self._walk_trouble(found, 0.0)
+        errors = enclose(loop, self.claim, terminal, found.steps, len(found.done))
+        if not errors.arrives(terminal):
+            return "rounding errors grow too large for arrival in the terminal set to be certain"
+        built_in = self.claim.inputs is None or within_limits(self.inc, self.claim.inputs)
+        if not built_in and not errors.keeps_limits(self.claim, found.steps):
+            return "an input comes too close to a limit that is not built into the controller"
+        expected, worst = found.done.expected_cost().fraction(), found.done.worst_cost()[0].fraction()
+        return self._cost_trouble(expected + Fraction(errors.cost), worst + Fraction(errors.cost))
+
+    def _exact_trouble(self) -> str:
+        loop, terminal = self._exact
+        try:
+            found = walk(loop, self.claim, terminal, self.budget)
+        except ConvergenceError as error:
+            return str(error)
+        return self._walk_trouble(found, 0.0) or self._cost_trouble(found.done.expected_cost(), found.done.worst_cost()[0])
+
+    def _cost_trouble(self, expected: Fraction, worst: Fraction) -> str:
+        if expected > Fraction(self.bound):
             return f"the expected cost exceeds the bound {self.bound:.10g} in exact arithmetic"
-        if steps.done.worst_cost()[0] > Fraction(self.worst[0] * (1 + ROUNDING)):
+        if worst > Fraction(self.worst[0] * (1 + ROUNDING)):
             return f"the worst cost exceeds {self.worst[0]:.10g} in exact arithmetic"
         return ""
 

@@ -7,12 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from inc_casadi import INC, Box, Plant, Polytope, Spec, Uniform
-from inc_casadi.activations.stack import groups
-from inc_casadi.arrays import Array
 from inc_casadi.certificate import Certificate
 from inc_casadi.certify import certify
 from inc_casadi.claims import DiscountedCost, Regional
 from inc_casadi.errors import InvalidInputError, SolverError
+from inc_casadi.output_range import output_range, within_limits
 from inc_casadi.pieces.walk import Budget
 
 
@@ -81,13 +80,12 @@ def _by_pieces(plant: Plant, spec: Spec, inc: INC, budget: Budget | None, _: boo
 
 def _by_inequality(plant: Plant, spec: Spec, inc: INC, _: Budget | None, proved: bool) -> Attempted:
     unstable = float(np.max(np.abs(np.linalg.eigvals(plant.A)))) >= 1
-    low, high = output_range(inc)
-    bounded = bool(np.all(np.isfinite(low)) and np.all(np.isfinite(high)))
+    bounded = all(np.isfinite(float(end)) for pair in output_range(inc) for end in pair)
     if proved:
         return None, [], ""
     if bounded and unstable:
         return None, [], "global LMI: the input is bounded, and no bounded input stabilizes this unstable plant globally"
-    if spec.inputs is not None and not _within(spec.inputs, low, high):
+    if spec.inputs is not None and not within_limits(inc, spec.inputs):
         return None, [], "global LMI: the input limits are not built into the controller"
     try:
         certificate = certify(plant, inc, DiscountedCost(spec.Q, spec.R, spec.discount, spec.initial))
@@ -99,35 +97,3 @@ def _by_inequality(plant: Plant, spec: Spec, inc: INC, _: Budget | None, proved:
     if spec.inputs is not None:
         words.insert(0, "input limits kept everywhere: the range of the activations")
     return certificate, words, ""
-
-
-def output_range(inc: INC) -> tuple[Array, Array]:
-    """Return bounds (m,), (m,) on u = K y + V eta + d over all y, from the range of the activations; may be infinite.
-
-    >>> low, high = output_range(INC.saturated([[2.0]], 3.0))
-    >>> low.tolist(), high.tolist()
-    ([-3.0], [3.0])
-    """
-    ends = np.zeros((inc.q, 2))
-    for unit, rows in groups(inc.activations):
-        ends[rows] = unit.bounds
-    used = np.any(inc.V != 0, axis=0)
-    V = inc.V[:, used]
-    products = V[:, :, None] * ends[used][None]
-    free = np.any(inc.K != 0, axis=1)
-    low = np.where(free, -np.inf, inc.d + _sum(products, V, np.min))
-    high = np.where(free, np.inf, inc.d + _sum(products, V, np.max))
-    return low, high
-
-
-def _sum(products: Array, V: Array, pick: object) -> Array:
-    picked = pick(np.where((V == 0)[:, :, None], 0.0, products), axis=2)  # type: ignore[operator]
-    return picked.sum(axis=1)
-
-
-def _within(inputs: Box | Polytope, low: Array, high: Array) -> bool:
-    """Whether the whole box [low, high] lies in the input set: each half-space at its worst corner, up to rounding."""
-    if not (np.all(np.isfinite(low)) and np.all(np.isfinite(high))):
-        return False
-    worst = np.where(inputs.H > 0, inputs.H * high, inputs.H * low).sum(axis=1)
-    return bool(np.all(worst <= inputs.h + 1e-12 * np.maximum(1.0, np.abs(inputs.h))))

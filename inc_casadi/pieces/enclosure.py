@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from ..activations.stack import lipschitz
 from ..arrays import Array
 from ..claims.regional import Regional
+from .fixed import RESOLUTION
 from .laws import PiecewiseLoop
 from .terminal import TerminalSet
 
@@ -19,87 +21,112 @@ LEVEL_ROOM, ERROR_ROOM = 2.0**-40, 2.0**-84
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What one step of a walk did, as the error bound needs it: floats rounded up.
+    """What one step of a walk did, as the error bound needs it.
 
     rounds: how many times the deepest simplex was cut; beyond: how far a z of a simplex that counted as whole lay
-    beyond its piece; x (n,), u (m,): the largest magnitudes at the vertices; slack: the smallest h - H u.
+    beyond its piece; x (n,), u (m,): the largest magnitudes at the vertices; slack: the smallest h - H u; largest: the
+    largest magnitude in laws and cost forms; pieces: how many simplices moved on.
     """
 
     rounds: int
     beyond: float
     x: Array
     u: Array
-    slack: object
+    slack: Any
+    largest: float
+    pieces: int
 
 
 @dataclass(frozen=True, eq=False)
 class Enclosure:
     """Bounds on the difference between a rounded walk and the true motions from the same starting points.
 
-    state (k, n): |x_k - what the walk says| at the start of step k; inputs (k, m) likewise for u; cost: what all this can
-    change in the discounted cost from any starting point.
+    state (k + 1, n): |x_k - what the walk says| at the start of each step; inputs (k, m) likewise for u; cost: what all
+    this can change in the expected cost and in the discounted cost from any starting point; rounding: what one
+    rounded formula can be off by.
     """
 
     state: Array
     inputs: Array
     cost: float
+    rounding: float
 
-    def limit_kept(self, claim: Regional, steps: Sequence[Step]) -> bool:
+    def keeps_limits(self, claim: Regional, steps: Sequence[Step]) -> bool:
         """Whether every h - H u found leaves room for the error of u."""
         if claim.inputs is None:
             return True
-        need = GUARD * np.max(self.inputs @ np.abs(claim.inputs.H).T, axis=1, initial=0.0)
-        return all(step.slack >= room for step, room in zip(steps, need, strict=True))  # type: ignore[operator]
+        need = GUARD * (self.inputs @ np.abs(claim.inputs.H).T + self.rounding)
+        return all(float(step.slack) >= room for step, room in zip(steps, need.max(axis=1), strict=True))
 
     def arrives(self, terminal: TerminalSet) -> bool:
         """Whether a vertex within (1 - 2^-40) of the terminal level stays within it whatever the error.
 
         sqrt(e'P e) changes by at most sqrt(E'|P|E), and sqrt(1 - 2^-40) + 2^-42 < 1.
         """
-        P = np.abs(terminal.P.astype(float))
-        size = np.einsum("ki,ij,kj->k", self.state, P, self.state)
-        return bool(np.all(GUARD * size <= ERROR_ROOM * float(terminal.level)))  # type: ignore[arg-type]
+        size = np.einsum("ki,ij,kj->k", self.state, np.abs(terminal.P.astype(float)), self.state) + self.rounding
+        return bool(np.all(GUARD * size <= ERROR_ROOM * float(terminal.level)))
 
 
-def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: Sequence[Step],
-            resolution: float) -> Enclosure:
-    """Return bounds on the error of a walk whose numbers are multiples of `resolution`, rounded down each time.
+def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: Sequence[Step], pieces: int,
+            resolution: float = RESOLUTION) -> Enclosure:
+    """Return bounds on the error of a walk in numbers that are rounded down to multiples of `resolution`.
 
-    Let E_k >= |x_k(l) - xhat_k(l)| for all barycentric coordinates l of all simplices, E_0 = 0. Within a step:
+    Every formula of a walk is a sum of at most N = 64 (n + m + p + q + 2)^2 products of at most four numbers below
+    M >= 1, so its rounding is at most r = N M^3 resolution. Let E_k >= |x_k(l) - xhat_k(l)| for all barycentric
+    coordinates l of all simplices, E_0 = r. Within a step:
 
-    * a cut puts its new vertex on the edge up to one rounding, so after c rounds E' = E + c resolution;
-    * the law used is the exact law of its pattern up to r = 2 resolution (1 + sum |x|), and every z lies in its piece
-      up to t = beyond + r. The law's eta then solves eta = phi(z) up to 2 S t, S the largest slopes, because phi departs
-      from the piece's line by at most its change of slope times t. With S|W| v <= rate v, the true eta at the same
-      point is within v max_i(2 S_i t / v_i) / (1 - rate) of it (contraction of thm:wellposed);
+    * a cut puts its new vertex on the edge up to r, so after c rounds of cutting E' = E + c r. Where on the edge it is put
+      does not matter: that share of the edge defines the cut of the starting points too;
+    * the law used is the exact law of its pattern up to r, and every z lies in its piece up to t = beyond + r. The law's
+      eta then solves eta = phi(z) up to 2 S t, S the largest slopes, because phi departs from the piece's line by at
+      most its change of slope times t. With S|W| v <= rate v, the true eta at the same point is within
+      v max_i(2 S_i t / v_i) / (1 - rate) of it (contraction of thm:wellposed);
     * the controller answers a state error E' by at most |K||C|E' + |V| v max_i((S|U||C|E')_i / v_i) / (1 - rate).
 
-    Both together bound the error of u, and E+ = |A| E' + |B| error(u) + resolution. A quadratic x'Q x changes by at most
-    2 |x|'|Q|E + E'|Q|E. All numbers here are nonnegative floats; each line is inflated by 1e-6, far more than rounding.
+    Both together bound the error of u, and E+ = |A| E' + |B| error(u) + r. A quadratic x'Q x changes by at most
+    2 |x|'|Q|E + E'|Q|E; weights, cost forms and powers of the discount are off by r for each rounding that made them. All
+    numbers here are nonnegative floats; each line is inflated by 1e-6, far more than its own rounding.
     """
     plant, inc = loop.plant, loop.inc
     A, B, C = np.abs(plant.A), np.abs(plant.B), np.abs(plant.C)
     U, V, K, S = np.abs(inc.U), np.abs(inc.V), np.abs(inc.K), lipschitz(inc.activations)
     test = inc.well_posedness()
-    room = (1.0 - test.rate * GUARD if test.rate else 1.0) / GUARD
+    room = 1.0 - GUARD * test.rate
+    if room <= 0:
+        return Enclosure(np.full((len(steps) + 1, plant.n), np.inf), np.full((len(steps), plant.m), np.inf), np.inf, np.inf)
+    r = _rounding(loop, claim, terminal, steps, resolution)
 
     def hidden(residual: Array) -> Array:
         return GUARD * test.weights * np.max(residual / test.weights, initial=0.0) / room
 
-    E, cost = np.zeros(plant.n), 0.0
+    E, cost = np.full(plant.n, r), 0.0
     state, inputs = [E], []
     for step in steps:
-        E = GUARD * (E + step.rounds * resolution)
-        law = 2 * resolution * (1 + step.x.sum())
-        error = GUARD * (K @ (C @ E) + V @ (hidden(S * (U @ (C @ E))) + hidden(2 * S * (step.beyond + law))) + law)
+        E = GUARD * (E + step.rounds * r)
+        error = GUARD * (K @ (C @ E) + V @ (hidden(S * (U @ (C @ E))) + hidden(2 * S * (step.beyond + r))) + r)
         cost += GUARD * (_change(claim.Q, step.x, E) + _change(claim.R, step.u, error))
-        E = GUARD * (A @ E + B @ error + resolution)
+        E = GUARD * (A @ E + B @ error + r)
         state.append(E)
         inputs.append(error)
-    lifted = np.append(np.max([step.x for step in steps], axis=0, initial=0.0) + np.abs(terminal.x.astype(float)), 1.0)
-    reach = np.append(np.max(state, axis=0), 0.0) + resolution
-    cost += GUARD * _change(terminal.tail.astype(float), lifted, reach)
-    return Enclosure(np.array(state), np.array(inputs).reshape(len(steps), plant.m), cost)
+    lifted = np.append(np.max([step.x for step in steps], axis=0, initial=1.0) + np.abs(terminal.x.astype(float)), 1.0)
+    cost += GUARD * _change(terminal.tail.astype(float), GUARD * lifted, np.append(np.max(state, axis=0) + r, 0.0))
+    depth = sum(step.rounds for step in steps) + 2
+    cost += GUARD * r * (pieces * depth + (len(steps) + depth) ** 2)
+    return Enclosure(np.array(state), np.array(inputs).reshape(len(steps), plant.m), cost, r)
+
+
+def _rounding(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: Sequence[Step],
+              resolution: float) -> float:
+    """What one formula of the walk can be off by: N M^3 resolution, doubled."""
+    plant, inputs = loop.plant, claim.inputs
+    arrays = [plant.A, plant.B, plant.C, claim.Q, claim.R, terminal.P, terminal.tail, terminal.x, terminal.level]
+    arrays += [] if inputs is None else [inputs.H, inputs.h]
+    arrays += [part for step in steps for part in (step.x, step.u, step.largest)]
+    box = claim.initial.support
+    arrays.append(box.simplices())  # type: ignore[attr-defined]
+    M = max(float(np.max(np.abs(np.asarray(part).astype(float)), initial=1.0)) for part in arrays)
+    N = 64 * (plant.n + plant.m + plant.p + loop.inc.q + 2) ** 2
+    return 2 * N * M**3 * resolution
 
 
 def _change(weight: Array, size: Array, error: Array) -> float:

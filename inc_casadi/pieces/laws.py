@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from ..blocks import exact
 from ..errors import ConvergenceError, InvalidInputError
 from ..inc import INC
 from ..plant import Plant
+from .fixed import ONE, PLACES, Fixed, rounded
 from .linear import identity, solve
 
 REPAIRS, ROUNDS = 60, 8  # Newton steps on a pattern: in Fractions the last resort, in floats before solving anew
@@ -39,16 +41,21 @@ class Laws:
 
 @dataclass(frozen=True, eq=False)
 class PiecewiseLoop:
-    """A plant and a piecewise-affine controller, ready for exact pieces in floats or in Fractions.
+    """A plant and a piecewise-affine controller, ready for exact pieces in one of three kinds of numbers.
+
+    arithmetic: "float"; "exact", in Fractions; or "fixed", in numbers of 256 binary places (`Fixed`), where laws are
+    solved in Fractions and then rounded.
 
     Raises InvalidInputError when a unit is not piecewise affine or time is continuous.
     """
 
     plant: Plant
     inc: INC
-    rational: bool = False
+    arithmetic: str = "float"
 
     def __post_init__(self) -> None:
+        if self.arithmetic not in ("float", "exact", "fixed"):
+            raise InvalidInputError(f"arithmetic is {self.arithmetic!r}, but must be 'float', 'exact' or 'fixed'")
         for i, unit in enumerate(self.inc.activations):
             if unit.pieces is None:
                 raise InvalidInputError(f"hidden unit {i} has activation {unit}, which is not piecewise affine: exact "
@@ -57,11 +64,41 @@ class PiecewiseLoop:
             raise InvalidInputError("exact pieces walk in discrete time: sample the plant first, plant.sampled(dt)")
 
     def numbers(self, array: Array) -> Array:
-        """Return the array in this loop's numbers: floats, or Fractions equal to them."""
-        return exact(array) if self.rational else np.asarray(array, dtype=float)
+        """Return the array in this loop's numbers: floats, Fractions equal to them, or rounded to 256 places."""
+        if self.arithmetic == "float":
+            return np.asarray(array, dtype=float)
+        return exact(array) if self.arithmetic == "exact" else rounded(array)
+
+    @property
+    def kink_tolerance(self) -> Any:
+        """How far beyond a kink counts as on it: nothing in Fractions; in floats it is relative to the terms of z."""
+        return {"float": 1e-12, "exact": 0, "fixed": Fixed(ONE >> (PLACES // 2))}[self.arithmetic]
 
     def laws(self, patterns: np.ndarray) -> Laws:
         """Return the laws of patterns (k, q), each from one linear system (I - D W) eta = D (U C x + b) + o."""
+        if self.arithmetic == "float":
+            return self._solved_laws(patterns)
+        memory = self._memory
+        for pattern in patterns:
+            if pattern.tobytes() not in memory:
+                memory[pattern.tobytes()] = self._one_law(pattern)
+        if len(patterns) == 0:
+            return self._solved_laws(patterns)
+        rows = [memory[pattern.tobytes()] for pattern in patterns]
+        return Laws(patterns, *(np.stack(column) for column in zip(*rows, strict=True)))
+
+    @cached_property
+    def _memory(self) -> dict[bytes, tuple[Array, ...]]:
+        """Laws already solved, each a pure function of its pattern: in Fractions one takes milliseconds."""
+        return {}
+
+    def _one_law(self, pattern: np.ndarray) -> tuple[Array, ...]:
+        source = self if self.arithmetic == "exact" else replace(self, arithmetic="exact")
+        laws = source._solved_laws(pattern[None])
+        parts = (laws.Zx[0], laws.z0[0], laws.Gx[0], laws.g[0], laws.low[0], laws.high[0])
+        return parts if self.arithmetic == "exact" else tuple(rounded(part) for part in parts)
+
+    def _solved_laws(self, patterns: np.ndarray) -> Laws:
         inc, number = self.inc, self.numbers
         units = np.arange(inc.q)
         slope, offset, low, high = (table[units, patterns] for table in self._pieces)
@@ -71,7 +108,7 @@ class PiecewiseLoop:
         system = identity(inc.q, W) - slope[:, :, None] * W
         if inc.q == 0 or len(patterns) == 0:
             eta = drive
-        elif self.rational:
+        elif self.arithmetic != "float":
             eta = np.stack([solve(left, right) for left, right in zip(system, drive, strict=True)])
         else:
             eta = np.linalg.solve(system, drive)
@@ -90,7 +127,7 @@ class PiecewiseLoop:
         if self.inc.q == 0:
             return np.zeros((x.shape[0], 0), dtype=int)
         patterns = self._solved(x) if guess is None else guess.copy()
-        if guess is None and not self.rational:
+        if guess is None and self.arithmetic == "float":
             return patterns
         settled, patterns = self._settled(patterns, x)
         if not settled.all() and guess is not None:
@@ -107,12 +144,13 @@ class PiecewiseLoop:
     def _settled(self, patterns: np.ndarray, x: Array) -> tuple[np.ndarray, np.ndarray]:
         """Take Newton steps on patterns (N, q) at x: which are settled, and the patterns reached."""
         settled = np.zeros(len(x), dtype=bool)
-        for _ in range(REPAIRS if self.rational else ROUNDS):
+        room = 0 if self.arithmetic == "float" else self.kink_tolerance
+        for _ in range(ROUNDS if self.arithmetic == "float" else REPAIRS):
             rows = np.flatnonzero(~settled)
             distinct, which = self.distinct(patterns[rows])
             laws = self.laws(distinct)
             z = (laws.Zx[which] @ x[rows, :, None])[:, :, 0] + laws.z0[which]
-            holds = ((z >= laws.low[which]) & (z <= laws.high[which])).all(axis=1)
+            holds = ((z + room >= laws.low[which]) & (z - room <= laws.high[which])).all(axis=1)
             settled[rows[holds]] = True
             if holds.all():
                 break
@@ -150,7 +188,7 @@ class PiecewiseLoop:
 
     def _ends(self, ends: Array) -> Array:
         """Ends of pieces as numbers of this loop; an infinite end stays a float, which Fractions compare with exactly."""
-        if not self.rational:
+        if self.arithmetic == "float":
             return ends
         out = self.numbers(np.where(np.isfinite(ends), ends, 0.0))
         out[~np.isfinite(ends)] = ends[~np.isfinite(ends)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +64,7 @@ class Simplices:
         cost[rows, gone, gone] = corner
         return Simplices(now, start, self.weight * (t if keep_i else 1 - t), cost)
 
-    def expected_cost(self) -> Array:
+    def expected_cost(self) -> Any:
         """Return sum over simplices of weight times the mean of l' c l: E l_i l_j = (1 + [i = j]) / ((n+1)(n+2)).
 
         >>> edge = Simplices(np.zeros((1, 2, 1)), np.zeros((1, 2, 1)), np.ones(1), np.array([[[0., 0.], [0., 1.]]]))
@@ -74,7 +75,7 @@ class Simplices:
         trace = self.cost[:, np.arange(size), np.arange(size)].sum(axis=1)
         return (self.weight * (self.cost.sum(axis=(1, 2)) + trace)).sum() / (size * (size + 1))
 
-    def worst_cost(self) -> tuple[Array, Array]:
+    def worst_cost(self) -> tuple[Any, Array]:
         """Return the largest cost over all starting points, and a point (n,) where it is attained.
 
         On each simplex the cost is a sum of squares, so l' c l is convex and its maximum lies at a vertex.
@@ -92,17 +93,17 @@ def begin(vertices: Array, weight: Array) -> Simplices:
     return Simplices(vertices, vertices, weight, np.broadcast_to(zero, (N, size, size)).copy())
 
 
-def cut_along(simplices: Simplices, height: Array) -> tuple[Simplices, np.ndarray]:
-    """Cut each simplex along its own hyperplane until no piece has points on both sides; return pieces and parents.
+def cut_along(simplices: Simplices, height: Array) -> tuple[Simplices, np.ndarray, int]:
+    """Cut each simplex along its own hyperplane until no piece has points on both sides; return pieces, parents, depth.
 
     height (N, n+1): a height over the hyperplane, affine on each simplex, at its vertices. An edge that crosses is cut
     where the height is 0, and the piece's new vertex has that height exactly. Each cut takes a vertex off one side of
     the piece, so this ends; and a hyperplane once cut along is never crossed again by any part of the piece.
 
     >>> edge = begin(np.array([[[-1.0], [3.0]]]), np.ones(1))
-    >>> pieces, parent = cut_along(edge, np.array([[-1.0, 3.0]]))
-    >>> pieces.start[:, :, 0].tolist(), pieces.weight.tolist(), parent.tolist()
-    ([[-1.0, 0.0], [0.0, 3.0]], [0.25, 0.75], [0, 0])
+    >>> pieces, parent, depth = cut_along(edge, np.array([[-1.0, 3.0]]))
+    >>> pieces.start[:, :, 0].tolist(), pieces.weight.tolist(), parent.tolist(), depth
+    ([[-1.0, 0.0], [0.0, 3.0]], [0.25, 0.75], [0, 0], 1)
     """
     parent, parts, parents = np.arange(len(simplices)), [], []
     while True:
@@ -110,7 +111,7 @@ def cut_along(simplices: Simplices, height: Array) -> tuple[Simplices, np.ndarra
         parts.append(simplices.take(~crossing))
         parents.append(parent[~crossing])
         if not crossing.any():
-            return parts[0].joined(*parts[1:]), np.concatenate(parents)
+            return parts[0].joined(*parts[1:]), np.concatenate(parents), len(parts) - 1
         simplices, height, parent = simplices.take(crossing), height[crossing], np.tile(parent[crossing], 2)
         i, j = steepest_crossing_edge(height)
         rows = np.arange(len(simplices))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +12,7 @@ from ..arrays import Array
 from ..claims.regional import Regional
 from ..errors import ConvergenceError, NoEquilibriumError
 from ..loop import equilibrium
+from .fixed import rounded
 from .laws import Laws, PiecewiseLoop
 from .linear import discounted_lyapunov, identity, positive_definite, solve
 
@@ -35,7 +38,7 @@ class TerminalSet:
     pattern: np.ndarray
     x: Array
     P: Array
-    level: object
+    level: Any
     tail: Array
 
     def contains(self, points: Array) -> np.ndarray:
@@ -120,8 +123,14 @@ def in_fractions(loop: PiecewiseLoop, claim: Regional, found: TerminalSet) -> Te
     return TerminalSet(found.pattern, rest, number(found.P), number(np.array(found.level)).item(), number(tail))
 
 
+def in_places(exact: TerminalSet, share: float) -> TerminalSet:
+    """Return a set given in Fractions with numbers of 256 binary places and its level lowered to a share of itself."""
+    level = rounded(exact.level * Fraction(share)).item()
+    return TerminalSet(exact.pattern, rounded(exact.x), rounded(exact.P), level, rounded(exact.tail))
+
+
 def refusal(loop: PiecewiseLoop, claim: Regional, found: TerminalSet) -> str | None:
-    """Return why the terminal set is not sound, or None; in Fractions when the loop is rational.
+    """Return why the terminal set is not sound, or None; in Fractions when the loop's numbers are.
 
     In floats the conditions are checked beyond rounding, the tail only in Fractions, where it carries a slack.
     """
@@ -135,7 +144,7 @@ def refusal(loop: PiecewiseLoop, claim: Regional, found: TerminalSet) -> str | N
     for name, space, need in zip(names, distance, found.level * reach, strict=True):
         if space < 0 or space * space < need:
             return f"the terminal ellipsoid crosses {name}"
-    if loop.rational:
+    if loop.arithmetic == "exact":
         return _tail_refusal(loop, claim, found, law.Gx[0], law.g[0], A_star)
     return None
 

@@ -11,13 +11,14 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..blocks import exact
 from ..claims.regional import Regional
 from ..sets import Box, Polytope
+from .enclosure import Step
 from .laws import Laws, PiecewiseLoop
 from .simplices import Simplices, begin, cut_along, levelled
 from .terminal import TerminalSet
 
-KINK_TOLERANCE = 1e-12
 DIVERGED = 1e6
 
 
@@ -38,7 +39,7 @@ class Walk:
     the budget ended, with the cost so far; arrival (N,): the step at which each done simplex arrived; first (N,): the row
     of `patterns` that was its first law, -1 when it began in the terminal set; slack: the smallest h - H u over all
     visited inputs, infinite without limits; cuts: how many cuts were made; ended: "" when nothing is left, else the
-    budget that ran out.
+    budget that ran out; steps: what an error bound needs to know of each step.
 
     With nothing left, `done` covers the initial set, and its cost forms are the discounted cost from every x0.
     """
@@ -52,6 +53,7 @@ class Walk:
     cuts: int
     ended: str
     seconds: float
+    steps: tuple[Step, ...] = ()
 
     @property
     def complete(self) -> bool:
@@ -67,18 +69,19 @@ def walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budget: Bu
     and take its tail cost; the others are cut until each carries one pattern (`one_pattern_each`); their inputs are
     compared with the limits at the vertices, which decides for all points since u is affine there; their vertices move.
 
-    In Fractions nothing is rounded. In floats a pre-activation within 1e-12 (relative to the largest terms met so far)
-    of a kink counts as on it; there the two laws agree to that accuracy.
+    In Fractions nothing is rounded; with 256 binary places `enclosure` bounds what rounding does. In floats a
+    pre-activation within 1e-12 (relative to the largest terms met so far) of a kink counts as on it; there the two
+    laws agree to that accuracy.
 
     progress: called with (step, simplices alive).
     """
     budget = budget or Budget()
     clock = time.monotonic()
     alive = _initial(loop, claim, terminal)
-    total, reach = alive.weight.sum(), DIVERGED * np.max(np.abs(alive.now))
+    total, reach = alive.weight.sum(), DIVERGED * float(np.max(np.abs(alive.now)))
     tags, firsts, patterns = np.full(len(alive), -1), np.zeros((0, loop.inc.q), int), None
     done, arrival, first = [alive.take(np.zeros(0, int))], [], []
-    slack: object = np.inf
+    steps: list[Step] = []
     cuts, ended, size = 0, "", np.zeros(loop.inc.q)
     scale, beta = loop.numbers(np.array([1.0, claim.discount]))
     for step in range(budget.steps + 1):
@@ -95,25 +98,36 @@ def walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budget: Bu
             break
         patterns = loop.patterns_at(alive.centroids(), patterns)
         size = np.maximum(size, _size(loop, patterns, alive.now))
-        alive, tags, patterns, new_cuts = one_pattern_each(loop, alive, tags, patterns, size, budget, clock)
-        cuts += new_cuts
+        alive, tags, patterns, cutting = one_pattern_each(loop, alive, tags, patterns, size, budget, clock)
+        cuts += cutting.cuts
         ended = _exhausted(alive, 0, budget, clock, reach)
         if ended:
             break
         distinct, which = loop.distinct(patterns)
         if step == 0:
             firsts, tags = distinct, which
-        alive, slack = _moved(loop, claim, alive, loop.laws(distinct), which, scale, slack)
+        alive, moved = _moved(loop, claim, alive, loop.laws(distinct), which, scale, cutting)
+        steps.append(moved)
         scale = scale * beta
     arrived = done[0].joined(*done[1:])
-    _assert_conserved(total, arrived, alive, loop.rational)
+    _assert_conserved(total, arrived, alive, loop.arithmetic == "exact")
+    slack = min((step.slack for step in steps), default=np.inf)
     return Walk(arrived, alive, np.concatenate(arrival), np.concatenate(first), firsts, slack, cuts, ended,
-                time.monotonic() - clock)
+                time.monotonic() - clock, tuple(steps))
+
+
+@dataclass(frozen=True)
+class Cutting:
+    """How one step's cutting went: cuts made, the depth of the deepest, and how far whole simplices leave their piece."""
+
+    cuts: int
+    depth: int
+    beyond: float
 
 
 def one_pattern_each(loop: PiecewiseLoop, alive: Simplices, tags: np.ndarray, patterns: np.ndarray, size: Array,
-                     budget: Budget, clock: float) -> tuple[Simplices, np.ndarray, np.ndarray, int]:
-    """Cut simplices until the controller is one affine law on each; return them with tags, patterns and cuts made.
+                     budget: Budget, clock: float) -> tuple[Simplices, np.ndarray, np.ndarray, Cutting]:
+    """Cut simplices until the controller is one affine law on each; return them with tags, patterns and the cutting.
 
     The law of the pattern at a simplex's centroid holds on all of it exactly when its z lies within the piece at
     every vertex. If some vertex lies beyond a bound, another lies strictly within it, because their mean does; the
@@ -123,59 +137,68 @@ def one_pattern_each(loop: PiecewiseLoop, alive: Simplices, tags: np.ndarray, pa
 
     patterns (N, q): those at the centroids; size (q,): what the tolerance of the kinks is relative to.
     """
-    ready, cuts = [], 0
+    ready, cuts, depth, beyond = [], 0, 0, 0.0
     while True:
         distinct, which = loop.distinct(patterns)
-        height = _heights(loop.laws(distinct), which, alive.now, size)
+        raw = _heights(loop.laws(distinct), which, alive.now)
+        height = np.where(np.abs(raw) <= _tolerance(loop, size), 0, raw)
         highest = height.max(axis=1)
         crossed = (highest > 0) & (height.min(axis=1) < 0)
         cut = crossed.any(axis=1)
         ready.append((alive.take(~cut), tags[~cut], patterns[~cut]))
+        beyond = max(beyond, float(np.max(raw[~cut], initial=0)))
         if not cut.any():
             break
         farthest = np.where(crossed[cut], highest[cut], 0).argmax(axis=1)
         chosen = np.take_along_axis(height[cut], farthest[:, None, None], axis=2)[:, :, 0]
-        alive, parent = cut_along(alive.take(cut), chosen)
-        cuts += len(alive) - len(chosen)
+        alive, parent, rounds = cut_along(alive.take(cut), chosen)
+        cuts, depth = cuts + len(alive) - len(chosen), depth + rounds
         tags, patterns = tags[cut][parent], patterns[cut][parent]
         patterns = loop.patterns_at(alive.centroids(), patterns)
         if sum(len(part) for part, _, _ in ready) + len(alive) > budget.pieces or _late(budget, clock):
             ready.append((alive, tags, patterns))
             break
     parts, all_tags, all_patterns = zip(*ready, strict=True)
-    return parts[0].joined(*parts[1:]), np.concatenate(all_tags), np.concatenate(all_patterns), cuts
+    whole = parts[0].joined(*parts[1:])
+    return whole, np.concatenate(all_tags), np.concatenate(all_patterns), Cutting(cuts, depth, beyond)
 
 
 def _size(loop: PiecewiseLoop, patterns: np.ndarray, points: Array) -> Array:
     """The magnitude (q,) of the terms that z is summed from: rounding is relative to it, also where z itself vanishes."""
-    if loop.rational:
+    if loop.arithmetic != "float":
         return np.zeros(loop.inc.q)
     laws = loop.laws(loop.distinct(patterns)[0])
     return (np.abs(laws.Zx) @ np.abs(points).max(axis=(0, 1)) + np.abs(laws.z0)).max(axis=0)
 
 
-def _heights(laws: Laws, which: np.ndarray, points: Array, size: Array) -> Array:
-    """How far z is beyond each bound of its piece (N, k, 2q): positive outside, 0 within the tolerance of the kink."""
+def _tolerance(loop: PiecewiseLoop, size: Array) -> Any:
+    """What height counts as 0, for each bound (2q,): in floats relative to the size of the terms."""
+    if loop.arithmetic != "float" or size.size == 0:
+        return loop.kink_tolerance
+    return loop.kink_tolerance * np.tile(size, 2)
+
+
+def _heights(laws: Laws, which: np.ndarray, points: Array) -> Array:
+    """How far z is beyond each bound of its piece (N, k, 2q): positive outside."""
     if laws.z0.shape[1] == 0:
         return np.full((*points.shape[:2], 1), -1.0)
     z = points @ np.swapaxes(laws.Zx[which], 1, 2) + laws.z0[which][:, None, :]
-    height = np.concatenate([laws.low[which][:, None, :] - z, z - laws.high[which][:, None, :]], axis=2)
-    if z.dtype == object:
-        return height
-    height[np.abs(height) <= KINK_TOLERANCE * np.tile(size, 2)] = 0.0
-    return height
+    return np.concatenate([laws.low[which][:, None, :] - z, z - laws.high[which][:, None, :]], axis=2)
 
 
 def _moved(loop: PiecewiseLoop, claim: Regional, alive: Simplices, laws: Laws, which: np.ndarray, scale: object,
-           slack: object) -> tuple[Simplices, object]:
+           cutting: Cutting) -> tuple[Simplices, Step]:
     number, x = loop.numbers, alive.now
     u = x @ np.swapaxes(laws.Gx[which], 1, 2) + laws.g[which][:, None, :]
+    slack: Any = np.inf
     if claim.inputs is not None:
-        room = number(claim.inputs.h) - u @ number(claim.inputs.H).T
-        slack = min(slack, room.min())  # type: ignore[type-var]
+        slack = (number(claim.inputs.h) - u @ number(claim.inputs.H).T).min()
     stage = x @ number(claim.Q) @ np.swapaxes(x, 1, 2) + u @ number(claim.R) @ np.swapaxes(u, 1, 2)
     after = x @ number(loop.plant.A).T + u @ number(loop.plant.B).T
-    return replace(alive, now=after, cost=alive.cost + scale * stage), slack
+    moved = replace(alive, now=after, cost=alive.cost + scale * stage)
+    largest = max(float(np.max(np.abs(part), initial=0)) for part in (laws.Zx, laws.z0, laws.Gx, laws.g, moved.cost))
+    reach = [np.abs(part).max(axis=(0, 1)).astype(float) for part in (x, u)]
+    return moved, Step(cutting.depth, cutting.beyond, reach[0], reach[1], slack, largest, len(alive))
 
 
 def _with_tail(inside: Simplices, terminal: TerminalSet, scale: object) -> Simplices:
@@ -189,9 +212,9 @@ def _initial(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet) -> Sim
     if isinstance(region, Box):
         gain = loop.laws(terminal.pattern[None]).Gx[0].astype(float)
         vertices = levelled(vertices, region.lower, region.upper, gain)
-    vertices = loop.numbers(vertices)
-    volumes = np.array([abs(_determinant(v[1:] - v[0])) for v in vertices], dtype=vertices.dtype)
-    return begin(vertices, volumes / volumes.sum())
+    corners = exact(vertices) if loop.arithmetic == "fixed" else loop.numbers(vertices)
+    volumes = np.array([abs(_determinant(v[1:] - v[0])) for v in corners], dtype=corners.dtype)
+    return begin(loop.numbers(vertices), loop.numbers(volumes / volumes.sum()))
 
 
 def _determinant(M: Array) -> Any:
@@ -213,20 +236,20 @@ def _late(budget: Budget, clock: float) -> bool:
     return time.monotonic() - clock > budget.seconds
 
 
-def _exhausted(alive: Simplices, step: int, budget: Budget, clock: float, reach: object) -> str:
+def _exhausted(alive: Simplices, step: int, budget: Budget, clock: float, reach: float) -> str:
     if len(alive) == 0:
         return ""
     if len(alive) > budget.pieces:
         return f"more than {budget.pieces} simplices"
     if step >= budget.steps:
         return f"{len(alive)} simplices still under way after {step} steps"
-    if np.max(np.abs(alive.now)) > reach:
+    if float(np.max(np.abs(alive.now))) > reach:
         return f"a motion grew to {DIVERGED:g} times the size of the initial set"
     if _late(budget, clock):
         return f"the time limit of {budget.seconds:g} s"
     return ""
 
 
-def _assert_conserved(total: object, done: Simplices, left: Simplices, rational: bool) -> None:
+def _assert_conserved(total: object, done: Simplices, left: Simplices, exactly: bool) -> None:
     gap = abs(done.weight.sum() + left.weight.sum() - total)
-    assert gap == 0 if rational else gap < 1e-9, f"cutting lost or doubled the probability {float(gap):.3g}"
+    assert gap == 0 if exactly else float(gap) < 1e-9, f"cutting lost or doubled the probability {float(gap):.3g}"

@@ -92,6 +92,22 @@ def test_a_sign_that_only_the_proof_of_soundness_needs_is_checked():
     assert replace(relu, values={**values, "N_cross": -np.eye(2)}).prove()
 
 
+def test_a_decrease_without_a_positive_function_proves_nothing():
+    # x+ = 2 x: P = -1 makes rho^2 P - 4 P positive, and only the condition on P itself objects.
+    unstable = MatrixCertificate(Plant([[2.0]], [[1.0]]), INC.linear([[0.0]]), Stability(0.5), "sector",
+                                 {"P": [[-1.0]], "Lambda": []})
+    assert unstable.margins()["decrease"] > 0 and unstable.margins()["P"] < 0
+    assert refused(unstable)
+
+
+def test_what_holds_to_rounding_only_is_not_proved():
+    # u = 2^-50 at x = 0: no difference to a discounted cost in floats, but not the origin that the theorem speaks of.
+    law = INC(np.zeros((2, 2)), [[1.5], [1.5]], [[-1.0, 1.0]], [[0.0]], b=[1.0, -1.0], d=[1.0 + 2.0**-50])
+    certificate = MatrixCertificate(Plant([[0.1]], [[0.1]]), law, CLAIM, "sector", {"P": [[3.0]], "Lambda": [0.5, 0.5]})
+    assert certificate.holds(), certificate.reason
+    assert not certificate.prove() and "at x = 0" in certificate.prove().reason
+
+
 def test_exactly_zero_is_not_positive_and_a_hair_above_is():
     plant, law = Plant([[0.1]], [[1.0]]), INC.linear([[0.0]])
     certificate = MatrixCertificate(plant, law, Stability(0.1), "sector", {"P": [[1.0]], "Lambda": []})

@@ -1,5 +1,7 @@
 """The verb: which rung it takes, what it refuses, and that it never certifies what simulation refutes."""
 
+import re
+
 import draws
 import numpy as np
 import oracles
@@ -18,7 +20,7 @@ COST = DiscountedCost([[1.0]], [[0.05]], 0.98, Box([-1.0], [1.0]))
 def test_auto_takes_the_strongest_rung_and_says_how_each_fared():
     found = certify(PLANT, LAW, COST)
     assert found.multiplier == Relu() and found.holds()
-    assert found.note == "sector: bound 0.433519; relu: bound 0.35814"
+    assert re.fullmatch(r"sector: bound 0\.43351\d+; relu: bound 0\.35814\d*", found.note)
     assert certify(PLANT, LAW, COST, multiplier="sector").multiplier == Sector()
     assert certify(PLANT, LAW, COST, multiplier=Relu()).bound == pytest.approx(found.bound)
 
@@ -28,6 +30,20 @@ def test_auto_stops_at_the_first_rung_that_proves_a_given_rate():
     below = certify(PLANT, LAW, Stability(0.1))  # the sector's best is 0.463, the loop's own 0.0174
     assert below.multiplier == Relu() and below.prove() and below.note.startswith("sector: no certificate found")
     assert not certify(PLANT, LAW, Stability(0.01)).holds()
+
+
+def test_auto_keeps_the_weaker_rung_when_the_stronger_finds_nothing(monkeypatch):
+    from inc_casadi import lmi_search
+    search = lmi_search.search
+
+    def without_relu(plant, inc, claim, multiplier):
+        fails = multiplier == Relu()
+        return lmi_search.unsolved(plant, inc, claim, multiplier, "") if fails else search(plant, inc, claim, multiplier)
+
+    monkeypatch.setattr(lmi_search, "search", without_relu)
+    found = certify(PLANT, LAW, COST)
+    assert found.holds() and found.multiplier == Sector()
+    assert re.fullmatch(r"sector: bound 0\.43351\d+; relu: no certificate found", found.note)
 
 
 def test_auto_falls_back_where_relu_does_not_apply():

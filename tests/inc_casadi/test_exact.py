@@ -75,6 +75,9 @@ def test_each_way_to_a_verdict_is_right_by_itself():
     factor = np.linalg.cholesky(whole.astype(float) - 0.5 * np.eye(3))
     assert exact._dominant_remainder(whole, 1, factor)
     assert not exact._dominant_remainder(whole, 1, 1.2 * factor)
+    indefinite = np.array([[1, 2], [2, 1]], dtype=object)
+    assert not exact._dominant_remainder(indefinite, 1, np.zeros((2, 2)))
+    assert exact._dominant_remainder(np.array([[3, 2], [2, 3]], dtype=object), 1, np.zeros((2, 2)))
     assert not exact._is_descent(whole, np.array([1.0, 0.0, 0.0]))
     assert exact._is_descent(-whole, np.array([1.0, 0.0, 0.0]))
     assert not exact._is_descent(-whole, np.zeros(3))
@@ -102,7 +105,7 @@ def test_contraction_on_both_sides_of_the_edge():
     assert not exact.contracts(slope, W, np.array([2.0, 1.0]))  # equality in the first row
     assert not exact.contracts(np.ones(2), W, np.array([2.5, 1.0]) * [1, 0])
     assert not exact.contracts(np.ones(1), np.array([[0.5]]), np.array([np.nan]))
-    assert not exact.contracts(np.ones(1), np.array([[0.5]]), np.array([-1.0]))
+    assert not exact.contracts(np.ones(1), np.array([[2.0]]), np.array([-1.0]))  # -2 < -1, but no norm
     assert exact.contracts(np.ones(0), np.zeros((0, 0)), np.ones(0))
 
 

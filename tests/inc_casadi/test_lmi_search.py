@@ -108,6 +108,19 @@ def test_the_best_rate_of_a_linear_loop_is_its_spectral_rate(plant, rate):
         assert 0 <= rate - found.bound < 2e-4 * rate
 
 
+def test_the_best_rate_survives_a_change_of_coordinates_and_needs_few_solves(monkeypatch):
+    rng = np.random.default_rng(63)
+    calls, solve = [], lmi._solve
+    monkeypatch.setattr(lmi, "_solve", lambda *arguments: calls.append(1) or solve(*arguments))
+    plant, inc = draws.plant(rng, dt=0), draws.controller(rng, gain=0.05)
+    T = np.linalg.qr(rng.normal(size=(3, 3)))[0] @ np.diag([1.0, 1e2, 1e4])
+    moved = Plant(T @ plant.A @ np.linalg.inv(T), T @ plant.B, plant.C @ np.linalg.inv(T), dt=0)
+    here, there = (lmi.search(where, inc, Stability(), Relu()) for where in (plant, moved))
+    assert here.prove() and there.prove() and there.bound == pytest.approx(here.bound, rel=3e-4)
+    assert here.margins()["decrease"] > 1e-9
+    assert len(calls) <= 36
+
+
 def test_a_deadbeat_loop():
     found = lmi.search(Plant([[0.5]], [[1.0]]), INC.linear([[-0.5]]), Stability(), Sector())
     assert found.prove() and found.bound < 1e-3
@@ -125,6 +138,10 @@ def test_the_frame_moves_with_the_coordinates():
     here, there = frames
     np.testing.assert_allclose(T.T @ there.T.T @ there.T @ T, here.T.T @ here.T, rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(np.diag(there.S)[3:], np.diag(here.S)[3:], rtol=1e-3)
+    P = here.T.T @ np.diag([1.0, 2.0, 3.0]) @ here.T
+    turn = here.refined({"P": P}, close_loop(plant, inc)).T
+    np.testing.assert_allclose(turn.T @ turn, P, rtol=1e-9)
+    assert here.refined({"P": -P}, close_loop(plant, inc)) is here and here.refined({}, close_loop(plant, inc)) is here
     x, eta = rng.normal(size=3), rng.normal(size=5)
     twin, s = here.twin(loop := close_loop(plant, inc)), np.concatenate([x, eta])
     tilde = np.concatenate([here.T @ x, eta / here.sizes])

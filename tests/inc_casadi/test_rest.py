@@ -22,6 +22,16 @@ def test_agrees_with_picard_on_implicit_piecewise_affine_controllers(seed):
     np.testing.assert_allclose(found.astype(float), oracles.control(inc, np.zeros((inc.p, 1)))[:, 0], atol=1e-12)
 
 
+@pytest.mark.parametrize("seed", range(5))
+def test_a_wrong_first_guess_of_the_pieces_is_mended(seed, monkeypatch):
+    rng = np.random.default_rng(seed)
+    units = (ReLU(), Saturation(), LeakyReLU(0.3), Saturation(), ReLU(), Saturation())
+    inc = draws.controller(rng, units=units, gain=1.0, norm=0.9, bias=2.0)
+    expected = rest_output(inc)
+    monkeypatch.setattr(INC, "hidden", lambda self, y: 30.0 * rng.normal(size=self.q))
+    assert rest_output(inc).tolist() == expected.tolist()
+
+
 def test_exact_where_floats_are_not():
     # eta = relu(eta / 3 + 1) has eta = 3 / 2 only if 1/3 were exact; with the stored double it is 1 / (1 - third).
     inc = INC([[1 / 3]], [[1.0]], [[1.0]], [[0.0]], b=[1.0])

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from inc_casadi import INC, Box, Gaussian, LeakyReLU, Plant, Polytope, ReLU, Saturation, Spec, Tanh, Uniform
+from inc_casadi import INC, Box, Gaussian, Plant, Polytope, ReLU, Spec, Tanh, Uniform
 from inc_casadi.certificate import MatrixCertificate
 from inc_casadi.regional_certificate import RegionalCertificate
-from synthesis.gate import gate, output_range
+from synthesis.gate import gate
 
 SCALAR = Plant([[1.5]], [[1.0]])
 LIMITED = Spec([[1.0]], [[0.0]], 0.9, Box([-1.0], [1.0]), Box([-1.0], [1.0]))
@@ -57,18 +57,6 @@ def test_a_missing_solver_is_a_reason_and_not_a_traceback(monkeypatch):
     law = INC([[0.2]], [[-0.3]], [[0.5]], [[0.0]], activation=Tanh())
     verdict = gate(plant, Spec([[1.0]], [[1.0]], 0.9, Box([-1.0], [1.0])), law)
     assert not verdict.accepted and any("cvxpy" in why for why in verdict.refusals)
-
-
-@pytest.mark.parametrize(("inc", "low", "high"), [
-    (INC.saturated([[2.0, 1.0]], 3.0), [-3.0], [3.0]),
-    (INC.linear([[1.0]]), [-np.inf], [np.inf]),
-    (INC(np.zeros((2, 2)), [[1.0], [1.0]], [[-1.0, 2.0]], [[0.0]], d=[1.0], activation=[ReLU(), Saturation()]),
-     [-np.inf], [3.0]),
-    (INC(np.zeros((1, 1)), [[1.0]], [[0.0]], [[0.0]], d=[0.5], activation=LeakyReLU()), [0.5], [0.5]),
-])
-def test_output_ranges_by_hand(inc, low, high):
-    found = output_range(inc)
-    assert found[0].tolist() == low and found[1].tolist() == high
 
 
 def test_polytopic_limits_are_checked_at_the_worst_corner():

@@ -14,7 +14,7 @@ from inc_casadi.pieces.laws import PiecewiseLoop
 UNITS = (ReLU(), Saturation(), LeakyReLU(0.25), Identity(), Saturation())
 
 
-def draw(seed, rational=False, units=UNITS):
+def draw(seed, arithmetic="float", units=UNITS):
     rng = np.random.default_rng(seed)
     q, n, p, m = len(units), 3, 4, 2
     W = rng.standard_normal((q, q))
@@ -22,7 +22,7 @@ def draw(seed, rational=False, units=UNITS):
     inc = INC(W, rng.standard_normal((q, p)), rng.standard_normal((m, q)), rng.standard_normal((m, p)),
               rng.standard_normal(q), rng.standard_normal(m), units)
     plant = Plant(rng.standard_normal((n, n)), rng.standard_normal((n, m)), rng.standard_normal((p, n)))
-    return PiecewiseLoop(plant, inc, rational)
+    return PiecewiseLoop(plant, inc, arithmetic)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -52,7 +52,7 @@ def test_any_guess_leads_to_the_pattern():
 
 
 def test_exact_laws_solve_the_fixed_point_equation_exactly():
-    loop = draw(1, rational=True)
+    loop = draw(1, "exact")
     x = exact(np.random.default_rng(2).standard_normal((4, 3)))
     patterns = loop.patterns_at(x)
     laws = loop.laws(patterns)
@@ -77,7 +77,7 @@ def _exact_unit(unit, z):
 
 def test_a_point_that_rounds_to_a_kink_is_settled_exactly():
     # z = x + 2^-80 exactly lies above the kink at 1 - though the nearest double lies on it, and below at 1 - 2^-80.
-    loop = PiecewiseLoop(Plant([[0.5]], [[1.0]]), INC([[0.0]], [[1.0]], [[1.0]], [[0.0]], activation=Saturation()), True)
+    loop = PiecewiseLoop(Plant([[0.5]], [[1.0]]), INC([[0.0]], [[1.0]], [[1.0]], [[0.0]], activation=Saturation()), "exact")
     points = exact(np.array([[1.0], [1.0], [1.0], [-1.0]]))
     points[0, 0] += Fraction(1, 2**80)
     points[1, 0] -= Fraction(1, 2**80)

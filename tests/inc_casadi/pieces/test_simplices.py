@@ -76,7 +76,7 @@ def test_a_split_keeps_weight_positions_and_cost_of_every_point():
 def test_cutting_along_a_hyperplane_leaves_nothing_across_and_loses_nothing(n):
     whole = draw(6, N=7, n=n)
     normal = np.random.default_rng(7).standard_normal(n)
-    pieces, parent = cut_along(whole, whole.now @ normal)
+    pieces, parent, _ = cut_along(whole, whole.now @ normal)
     after = pieces.now @ normal
     assert not np.any((after.max(axis=1) > 1e-12) & (after.min(axis=1) < -1e-12))
     np.testing.assert_allclose(np.bincount(parent, pieces.weight, 7), whole.weight, rtol=1e-12)
@@ -87,7 +87,7 @@ def test_cutting_along_a_hyperplane_leaves_nothing_across_and_loses_nothing(n):
 def test_cutting_in_fractions_is_exact():
     whole = begin(exact(np.array([[[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]])), exact(np.ones(1)))
     height = exact(np.array([[-1.0, 2.0, 2.0]]))
-    pieces, _ = cut_along(whole, height)
+    pieces, _, _ = cut_along(whole, height)
     # By hand: the corner triangle with sides 1/3 has a ninth of the area.
     assert sorted(pieces.weight)[0] == Fraction(1, 9) and sum(pieces.weight) == 1
     assert {tuple(v) for v in pieces.start.reshape(-1, 2)} >= {(Fraction(1, 3), 0), (0, Fraction(1, 3))}
@@ -95,7 +95,7 @@ def test_cutting_in_fractions_is_exact():
 
 def test_a_hyperplane_through_vertices_only_cuts_what_it_crosses():
     whole = draw(8, N=3, n=2)
-    pieces, parent = cut_along(whole, np.array([[0.0, 1.0, 2.0], [-1.0, 0.0, -2.0], [-1.0, 0.0, 1.0]]))
+    pieces, parent, _ = cut_along(whole, np.array([[0.0, 1.0, 2.0], [-1.0, 0.0, -2.0], [-1.0, 0.0, 1.0]]))
     assert np.bincount(parent).tolist() == [1, 1, 2]
 
 

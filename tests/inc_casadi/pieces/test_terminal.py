@@ -89,7 +89,7 @@ def test_the_tail_is_the_cost_from_there_on_also_around_a_nonzero_rest(discount)
 def test_the_exact_tail_bounds_the_cost_from_above_by_very_little():
     inc, task = biased(), claim()
     floats, _ = find(PiecewiseLoop(PLANT, inc), task)
-    loop = PiecewiseLoop(PLANT, inc, rational=True)
+    loop = PiecewiseLoop(PLANT, inc, "exact")
     terminal = in_fractions(loop, task, floats)
     assert refusal(loop, task, terminal) is None
     assert abs(terminal.x.astype(float) - floats.x).max() < 1e-12
@@ -99,7 +99,7 @@ def test_the_exact_tail_bounds_the_cost_from_above_by_very_little():
 def test_corrupted_sets_are_refused():
     inc, task = biased(), claim()
     for rational in (False, True):
-        loop = PiecewiseLoop(PLANT, inc, rational)
+        loop = PiecewiseLoop(PLANT, inc, "exact" if rational else "float")
         terminal, _ = find(PiecewiseLoop(PLANT, inc), task)
         good = in_fractions(loop, task, terminal) if rational else terminal
         number = loop.numbers
@@ -124,14 +124,14 @@ def test_a_small_tail_slack_is_needed_for_nothing_when_nothing_costs():
     loop = PiecewiseLoop(Plant([[0.5]], [[1.0]]), INC.saturated([[-0.2]], 1.0))
     terminal, why = find(loop, task)
     assert terminal is not None and not terminal.tail.any(), why
-    rational = PiecewiseLoop(loop.plant, loop.inc, rational=True)
+    rational = PiecewiseLoop(loop.plant, loop.inc, "exact")
     assert refusal(rational, task, in_fractions(rational, task, terminal)) is None
 
 
 @pytest.mark.parametrize("size", [1e-4, 1e3, 1e6])
 def test_a_far_rest_point_is_proved_in_any_units(size):
     # The resting cost is size^2 and more: the slack of the tail must grow with it.
-    loop = PiecewiseLoop(Plant([[0.5]], [[1.0]]), INC([[0.0]], [[0.1]], [[-1.0]], [[0.0]], [0.3 * size], [size]), True)
+    loop = PiecewiseLoop(Plant([[0.5]], [[1.0]]), INC([[0.0]], [[0.1]], [[-1.0]], [[0.0]], [0.3 * size], [size]), "exact")
     task = Regional(Box([-size], [size]), None, [[1.0]], [[0.1]], 0.9)
     floats, why = find(PiecewiseLoop(loop.plant, loop.inc), task)
     assert floats is not None, why

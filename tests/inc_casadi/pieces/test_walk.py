@@ -28,7 +28,7 @@ def follow_exactly(plant, inc, claim):
     floats = PiecewiseLoop(plant, inc)
     terminal, why = find(floats, claim)
     assert terminal is not None, why
-    loop = PiecewiseLoop(plant, inc, rational=True)
+    loop = PiecewiseLoop(plant, inc, "exact")
     return walk(loop, claim, in_fractions(loop, claim, terminal))
 
 
@@ -255,7 +255,7 @@ def test_what_lies_on_a_kink_up_to_rounding_is_not_cut():
         patterns = loop.patterns_at(simplices.centroids())
         size = _size(loop, patterns, simplices.now)
         found = one_pattern_each(loop, simplices, np.zeros(1, int), patterns, size, Budget(), time.monotonic())
-        assert len(found[0]) == pieces and found[3] == pieces - 1
+        assert len(found[0]) == pieces and found[3].cuts == pieces - 1
 
 
 @pytest.mark.parametrize("budget, reason", [
