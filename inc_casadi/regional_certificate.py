@@ -80,6 +80,12 @@ class RegionalCertificate(Certificate):
         return float(value), point
 
     @property
+    def worst_bound(self) -> float:
+        """The largest discounted cost over the initial set, rounded up by 1e-9 of its size; infinite when unknown."""
+        value = self.worst[0]
+        return value * (1 + ROUNDING) if np.isfinite(value) else np.inf
+
+    @property
     def bound(self) -> float:
         """The expected discounted cost rounded up by 1e-9 of its size; infinite when unknown."""
         return self.expected * (1 + ROUNDING) if np.isfinite(self.expected) else np.inf
@@ -123,7 +129,7 @@ class RegionalCertificate(Certificate):
         limits = "" if self.claim.inputs is None else "every input stays within its limits, "
         return (f"From every starting point of the initial set {limits}the motion converges to x* = {rest}, and the "
                 f"discounted cost (discount {self.claim.discount:g}) is at most {at_most(self.bound)} in expectation and "
-                f"at most {at_most(self.worst[0] * (1 + ROUNDING))} from any point.")
+                f"at most {at_most(self.worst_bound)} from any point.")
 
     def prove(self) -> Proof:
         """Settle terminal set, limits, convergence and both cost bounds rigorously, by the cheapest means that suffices.
@@ -211,7 +217,7 @@ class RegionalCertificate(Certificate):
     def _cost_trouble(self, expected: Fraction, worst: Fraction) -> str:
         if expected > Fraction(self.bound):
             return f"the expected cost exceeds the bound {self.bound:.10g} in exact arithmetic"
-        if worst > Fraction(self.worst[0] * (1 + ROUNDING)):
+        if worst > Fraction(self.worst_bound):
             return f"the worst cost exceeds {self.worst[0]:.10g} in exact arithmetic"
         return ""
 

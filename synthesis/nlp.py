@@ -75,19 +75,15 @@ def minimize(objective: Objective, start: Parameters, *, method: str = "adjoint"
     """
     layout, stop = objective.layout, _Stop()
     x = ca.MX.sym("x", layout.size)
-    if method == "graph":
-        value, excess = graph_objective(objective, x)
-    else:
-        calls = _callbacks(objective, stop)
-        value = calls["value"](x)
-        excess = calls["excess"](x) if "excess" in calls else ca.MX(0, 1)
-    watch = _Watch(objective, excess.numel(), stop, progress)
+    calls = _callbacks(objective, stop)
+    watch = _Watch(objective, stop, progress)
     options = _options(max_iterations, time_limit) | {"iteration_callback": watch}
     if method == "adjoint" and hessian == "gauss-newton":
         options["hess_lag"] = calls["hessian"]
     else:
         options |= {"ipopt.hessian_approximation": "limited-memory", "ipopt.limited_memory_max_history": 20}
-    problem = {"x": x, "f": value, "g": ca.vertcat(ca.sparsify(ca.DM(layout.rows)) @ x, excess)}
+    problem = {"x": x, "f": graph_value(objective, x) if method == "graph" else calls["value"](x),
+               "g": ca.sparsify(ca.DM(layout.rows)) @ x}
     status = _run(problem, options, layout, layout.start(start), stop)
     if stop.failure is not None:
         raise stop.failure
@@ -95,12 +91,10 @@ def minimize(objective: Objective, start: Parameters, *, method: str = "adjoint"
 
 
 def _run(problem: dict[str, ca.MX], options: dict[str, Any], layout: Layout, x0: Array, stop: _Stop) -> str:
-    rows = layout.rows.shape[0]
-    upper = np.concatenate([np.full(rows, layout.kappa), np.zeros(problem["g"].numel() - rows)])
     status = "interrupted"
     try:
         solver = ca.nlpsol("training", "ipopt", problem, options)
-        solver(x0=x0, lbx=layout.lower, lbg=-np.inf, ubg=upper)
+        solver(x0=x0, lbx=layout.lower, lbg=-np.inf, ubg=layout.kappa)
         returned = solver.stats()["return_status"]
         status = STATUS.get(returned, f"failed: {returned}")
     except KeyboardInterrupt:
@@ -110,11 +104,10 @@ def _run(problem: dict[str, ca.MX], options: dict[str, Any], layout: Layout, x0:
     return "interrupted" if stop.requested else status
 
 
-def graph_objective(objective: Objective, x: ca.MX) -> tuple[ca.MX, ca.MX]:
-    """Return value and excess of an objective as pure CasADi expressions of x, the reference for the NumPy ones.
+def graph_value(objective: Objective, x: ca.MX) -> ca.MX:
+    """Return the value of an objective as a pure CasADi expression of x, the reference for the one in NumPy.
 
-    The fixed point is a rootfinder, time a `mapaccum`, the samples a `map`; derivatives are CasADi's own. The excess is
-    listed for every step, half-space by half-space, step by step and sample by sample.
+    The fixed point is a rootfinder, time a `mapaccum`, the samples a `map`; derivatives are CasADi's own.
     """
     scenario, N = objective.scenario, objective.scenario.weights.size
     law = _law(objective.layout, x)
@@ -132,11 +125,11 @@ def graph_objective(objective: Objective, x: ca.MX) -> tuple[ca.MX, ca.MX]:
     last[:, -1], stage[:, -1] = stage[:, -1], 0.0
     cost = (_weighted(states, scenario.Q, stage) + _weighted(states, scenario.terminal, last)
             + _weighted(inputs, scenario.R, np.outer(scenario.weights, scenario.discount ** np.arange(scenario.steps))))
-    excess = ca.MX(0, 1)
-    if objective.limits is not None:
-        H, h = objective.limits
-        excess = ca.vec(ca.DM(H) @ inputs - ca.repmat(ca.DM(h), 1, inputs.shape[1]))
-    return ca.log(1 + cost / objective.scale), excess
+    if scenario.h.size:
+        outside = ca.fmax(ca.DM(scenario.H) @ inputs - ca.repmat(ca.DM(scenario.h), 1, inputs.shape[1]), 0)
+        share = np.outer(np.full(N, scenario.penalty / N), scenario.discount ** np.arange(scenario.steps))
+        cost += _weighted(outside, np.eye(scenario.h.size), share)
+    return ca.log(1 + cost / objective.scale)
 
 
 def _law(layout: Layout, x: ca.MX) -> list[ca.MX]:
@@ -176,19 +169,13 @@ def _dense(rows: int, columns: int = 1) -> ca.Sparsity:
 
 
 def _callbacks(objective: Objective, stop: _Stop) -> dict[str, _Call]:
-    size, count = objective.layout.size, objective.constraints
+    size = objective.layout.size
     x, one = _dense(size), _dense(1)
     slope = _Call("gradient", lambda x, _: objective.gradient(x.ravel())[None], [x, one], _dense(1, size), stop)
     calls = {"value": _Call("value", lambda x: np.full((1, 1), objective.value(x.ravel())), [x], one, stop, slope)}
-    if count:
-        slope = _Call("excess_jacobian", lambda x, _: objective.excess_jacobian(x.ravel()), [x, _dense(count)],
-                      _dense(count, size), stop)
-        calls["excess"] = _Call("excess", lambda x: objective.excess(x.ravel())[:, None], [x], _dense(count), stop,
-                                slope)
-    # IPOPT's Hessian of the Lagrangian takes x, no parameters, the multiplier of the objective, and those of g; the
-    # curvature of the input constraints is left out.
+    # IPOPT's Hessian of the Lagrangian takes x, no parameters, the multiplier of the objective, and those of g.
     calls["hessian"] = _Call("hessian", lambda x, p, factor, g: factor * objective.hessian(x.ravel()),
-                             [x, _dense(0, 0), one, _dense(objective.layout.rows.shape[0] + count)],
+                             [x, _dense(0, 0), one, _dense(objective.layout.rows.shape[0])],
                              ca.Sparsity.upper(size), stop)
     return calls
 
@@ -234,10 +221,9 @@ class _Call(ca.Callback):
 class _Watch(ca.Callback):
     """Called by IPOPT after each step: keeps the best accepted iterate and the history, and can end the search."""
 
-    def __init__(self, objective: Objective, constraints: int, stop: _Stop, progress: Progress | None) -> None:
+    def __init__(self, objective: Objective, stop: _Stop, progress: Progress | None) -> None:
         super().__init__()
-        self._scale, self._size = objective.scale, objective.layout.size
-        self._norms, self._constraints = objective.layout.rows.shape[0], constraints
+        self._scale, self._size, self._rows = objective.scale, objective.layout.size, objective.layout.rows.shape[0]
         self._stop, self._progress = stop, progress
         self._began, self._least = time.perf_counter(), np.inf
         self.best: Array | None = None
@@ -252,13 +238,11 @@ class _Watch(ca.Callback):
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
         shapes = {"f": (1,), "x": (self._size,), "lam_x": (self._size,), "lam_p": (0, 0)}
-        return _dense(*shapes.get(ca.nlpsol_out(i), (self._norms + self._constraints,)))
+        return _dense(*shapes.get(ca.nlpsol_out(i), (self._rows,)))
 
     def eval(self, arguments: Sequence[ca.DM]) -> list[ca.DM]:
-        x, f, g = (part.full().ravel() for part in arguments[:3])
-        cost = self._scale * float(np.expm1(f[0]))
-        excess = np.max(g[self._norms:], initial=-np.inf)
-        if cost < self._least and excess <= 1e-6:
+        x, cost = arguments[0].full().ravel(), self._scale * float(np.expm1(float(arguments[1])))
+        if cost < self._least:
             self.best, self._least = x, cost
         self.history.append((len(self.history), cost, time.perf_counter() - self._began))
         with self._stop.guard():

@@ -10,7 +10,7 @@ import numpy as np
 from inc_casadi.arrays import Array
 
 from .rollout import Motion, Parameters, Scenario, gradient, roll
-from .sensitivities import gauss_newton, input_jacobian
+from .sensitivities import gauss_newton
 
 _DAMPING = (1e-5, 1.0)
 
@@ -87,36 +87,24 @@ def unflat(theta: Array, shapes: Sequence[tuple[int, ...]]) -> Parameters:
 
 
 class Objective:
-    """log(1 + J / scale) over a layout and its derivatives, from batched rollouts; and the excess of the inputs.
+    """log(1 + J / scale) over a layout and its derivatives, from batched rollouts.
 
     The logarithm has the minimizers of J and keeps the cost of a diverging law within reach of a line search. The last
     rollout is kept, since IPOPT asks for value, gradient and Hessian at one point in turn, and its hidden units start
     the next fixed point.
 
     scenario: what is minimized; sketch: the scenario of the Gauss-Newton Hessian, perhaps with fewer nodes; scale: the
-    size of a good cost; limits: (H, h) when the inputs must satisfy H u <= h at every node and step, or None.
+    size of a good cost.
     """
 
-    def __init__(self, scenario: Scenario, layout: Layout, scale: float, limits: tuple[Array, Array] | None = None,
-                 sketch: Scenario | None = None) -> None:
-        self.scenario, self.layout, self.scale, self.limits = scenario, layout, scale, limits
+    def __init__(self, scenario: Scenario, layout: Layout, scale: float, sketch: Scenario | None = None) -> None:
+        self.scenario, self.layout, self.scale = scenario, layout, scale
         self.sketch = sketch or scenario
         self.values = 0
         self._damping, self._values_at_hessian = 1e-3, 0
         self._key = b""
         self._last: tuple[Parameters, Motion] | None = None
         self._guess: dict[int, Array | None] = {}
-
-    @property
-    def constraints(self) -> int:
-        """Number of rows of `excess`."""
-        return 0 if self.limits is None else self._steps.size * self.limits[1].size * self.scenario.weights.size
-
-    @property
-    def _steps(self) -> np.ndarray:
-        # Ever sparser steps: a settling input is largest early, and every row costs IPOPT a dense row.
-        squares = np.arange(self.scenario.steps) * (np.arange(self.scenario.steps) + 1) // 2
-        return squares[squares < self.scenario.steps]
 
     def value(self, x: Array) -> float:
         """Return log(1 + J / scale), NaN where the loop is lost, so that the line search steps back."""
@@ -141,18 +129,6 @@ class Objective:
         H = gauss_newton(self.sketch, law, seen)[np.ix_(self.layout.index, self.layout.index)]
         H *= np.outer(self.layout.factor, self.layout.factor) / (self.scale + seen.cost)
         return H + self._damping * np.eye(x.size)
-
-    def excess(self, x: Array) -> Array:
-        """Return H u - h at steps 0, 1, 3, 6, ..., every node and half-space, flat; at most zero where admissible."""
-        assert self.limits is not None
-        H, h = self.limits
-        return (self._at(x)[1].u[self._steps] @ H.T - h).ravel()
-
-    def excess_jacobian(self, x: Array) -> Array:
-        """Return the Jacobian of `excess` (rows, nx)."""
-        assert self.limits is not None
-        full = self.limits[0] @ input_jacobian(self.scenario, *self._at(x))[self._steps]
-        return full.reshape(-1, full.shape[-1])[:, self.layout.index] * self.layout.factor
 
     def _at(self, x: Array) -> tuple[Parameters, Motion]:
         if self._last is None or self._key != x.tobytes():

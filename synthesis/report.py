@@ -20,6 +20,7 @@ def table(result: Result) -> str:
     verdict = result.chosen.verdict if result.chosen is not None else None
     if verdict is not None:
         rows += [("proved", words) for words in verdict.proofs]
+        rows += _rigour(result)
         if not verdict.accepted:
             rows += [("not proved", words) for words in verdict.refusals]
     rows += _costs(result) + _bounds(result)
@@ -45,6 +46,14 @@ def verdict_sentence(result: Result) -> str:
         parts.append(f"no controller whatever costs less than {at_least(float(anyone[0]))}, so this one is within "
                      f"{at_most(gap, 2)} % of the best possible")
     return ("Proved: " + "; ".join(parts) + ".") if parts else ""
+
+
+def _rigour(result: Result) -> list[tuple[str, str]]:
+    if result.proof is None:
+        return []
+    if result.proof:
+        return [("proved", f"all of it settled rigorously: {result.proof.method}")]
+    return [("checked in floating point only", result.proof.reason)]
 
 
 def _costs(result: Result) -> list[tuple[str, str]]:

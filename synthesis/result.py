@@ -11,7 +11,7 @@ import numpy as np
 
 from inc_casadi import INC, Plant, Spec
 from inc_casadi.bounds import Bound
-from inc_casadi.certificate import Certificate
+from inc_casadi.certificate import Certificate, Proof
 from inc_casadi.errors import NotCertifiedError
 from inc_casadi.regional_certificate import RegionalCertificate
 
@@ -48,6 +48,7 @@ class Result:
 
     inc: the controller, the best candidate when none passed, None when there was no candidate; status: "certified",
     "simulation evidence" or "failed", and nothing else is ever said; certificate: the one that holds, or None;
+    proof: how it was settled rigorously;
     estimate: the simulated cost; bounds: lower bounds by name; linear: what the linear competitors found cost; history:
     every attempt; notes: reasons and interruptions; seconds: wall time by phase; chosen: the attempt that was taken.
     """
@@ -56,6 +57,7 @@ class Result:
     spec: Spec
     inc: INC | None
     certificate: Certificate | None
+    proof: Proof | None
     estimate: Estimate | None
     bounds: Mapping[str, Bound]
     linear: Mapping[str, float]
@@ -84,7 +86,7 @@ class Result:
     def worst(self) -> float:
         """The certified largest cost over the initial set, NaN when no regional proof states one."""
         if self.status == CERTIFIED and isinstance(self.certificate, RegionalCertificate):
-            return self.certificate.worst[0]
+            return self.certificate.worst_bound
         return np.nan
 
     def require(self) -> Result:

@@ -43,11 +43,13 @@ class Scenario:
 
     x+ = A x + B u, y = C x, u = clip(v, lower, upper), v = K y + V eta + d, with d = -V eta(y = 0) when `anchored`, and
 
-        J = sum_i weights_i [ sum_{k < steps} discount^k (x_k'Q x_k + u_k'R u_k) + discount^steps x_T'terminal x_T ].
+        J = sum_i weights_i [ sum_{k < steps} discount^k (x_k'Q x_k + u_k'R u_k) + discount^steps x_T'terminal x_T ]
+            + penalty sum_{k < steps} discount^k mean_i |max(H u_k - h, 0)|^2.
 
     A (n, n), B (n, m), C (p, n), Q (n, n), R (m, m), terminal (n, n); nodes (n, N), weights (N,); lower, upper (m,),
-    infinite where the input is free; units: the activations of the hidden units; shrink < 1: a Newton step must
-    reduce the residual by this factor, else a Picard step is taken.
+    infinite where the input is free; H (l, m), h (l,): half-spaces that inputs should keep, l may be 0; units: the
+    activations of the hidden units; shrink < 1: a Newton step must reduce the residual by this factor, else a Picard
+    step is taken.
     """
 
     A: Array
@@ -62,6 +64,9 @@ class Scenario:
     steps: int
     lower: Array
     upper: Array
+    H: Array
+    h: Array
+    penalty: float
     units: stack.Units
     anchored: bool = True
     shrink: float = 0.995
@@ -75,6 +80,10 @@ class Scenario:
     def groups(self) -> list[tuple[Activation, np.ndarray]]:
         """Each distinct activation with the indices of its units."""
         return stack.groups(self.units)
+
+    def excess(self, u: Array) -> Array:
+        """Return max(H u - h, 0) for inputs (..., m), as (..., l)."""
+        return np.maximum(u @ self.H.T - self.h, 0.0)
 
     def activate(self, z: Array) -> Array:
         """Return phi(z) for rows z (N, q)."""
@@ -172,6 +181,9 @@ def gradient(scenario: Scenario, law: Parameters, motion: Motion) -> Parameters:
     S, free, gain = linearized(scenario, law, motion)
     weight = 2.0 * scenario.discount ** np.arange(T)[:, None, None] * scenario.weights[None, :, None]
     from_u, from_x = weight * (motion.u @ scenario.R), weight * (motion.x[:T] @ scenario.Q)
+    if scenario.h.size:
+        share = 2.0 * scenario.penalty / N * scenario.discount ** np.arange(T)[:, None, None]
+        from_u += share * (scenario.excess(motion.u) @ scenario.H)
     costate = 2.0 * scenario.discount**T * scenario.weights[:, None] * (motion.x[T] @ scenario.terminal)
     to_v = np.empty_like(motion.v)
     for k in range(T - 1, -1, -1):
@@ -234,4 +246,7 @@ def _cost(scenario: Scenario, x: Array, u: Array) -> float:
     last = np.einsum("ni,ni->n", x[T] @ scenario.terminal, x[T])
     total = scenario.discount ** np.arange(T) @ (stage @ scenario.weights)
     total += scenario.discount**T * (last @ scenario.weights)
+    if scenario.h.size:
+        outside = np.sum(scenario.excess(u) ** 2, axis=2).mean(axis=1)
+        total += scenario.penalty * (scenario.discount ** np.arange(T) @ outside)
     return float(total) if np.isfinite(total) else np.inf

@@ -19,7 +19,8 @@ def gauss_newton(scenario: Scenario, law: Parameters, motion: Motion) -> Array:
     """Return 2 sum_k discount^k E[X_k'Q X_k + U_k'R U_k] + (terminal), the positive semidefinite part of J's Hessian.
 
     X_k, U_k are the sensitivities of state and input to the P entries of W, U, V, K, b, d, each row by row.
-    What is left out is the curvature of the motion itself, weighted by the slope of the stage cost. Shape (P, P).
+    Active half-spaces add their share. What is left out is the curvature of the motion itself, weighted by the slope of
+    the stage cost. Shape (P, P).
     """
     factors = [_root(weight) for weight in (scenario.Q, scenario.R, scenario.terminal)]
     H: Array = np.zeros(())
@@ -29,12 +30,11 @@ def gauss_newton(scenario: Scenario, law: Parameters, motion: Motion) -> Array:
         H = H + _gram(rows)
         if U is not None:
             H = H + _gram(_combined(factors[1], U) * weight)
+            if scenario.h.size:
+                share = 2.0 * scenario.penalty / scenario.weights.size * scenario.discount**k
+                active = np.sqrt(share) * (scenario.excess(motion.u[k]) > 0.0)
+                H = H + _gram(_combined(scenario.H, U) * active.T[:, :, None])
     return H
-
-
-def input_jacobian(scenario: Scenario, law: Parameters, motion: Motion) -> Array:
-    """Return du / d(parameters) at every step and node, (T, N, m, P), parameters in the order of `gauss_newton`."""
-    return np.stack([np.swapaxes(U, 0, 1) for _, U in _sensitivities(scenario, law, motion) if U is not None])
 
 
 def _sensitivities(scenario: Scenario, law: Parameters, motion: Motion) -> Iterator[tuple[Array, Array | None]]:

@@ -71,12 +71,16 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
     best = _best(history)
     with _phase(seconds, "simulation"):
         run = estimate(plant, best.inc, spec, seed=seed) if best and best.inc else None
+    certificate = best.verdict.certificate if best and best.verdict else None
+    with _phase(seconds, "rigorous proof"):
+        proof = certificate.prove() if certificate else None
+    if proof:
+        say(f"proved rigorously: {proof.method}")
     seconds["in all"] = time.monotonic() - clock
     if best is None or not best.certified:
         notes += [f"{one.name}: {reason}" for one in history if one is not best
                   for reason in ([one.note] if one.verdict is None else one.verdict.refusals)]
-    certificate = best.verdict.certificate if best and best.verdict else None
-    return Result(plant, spec, best.inc if best else None, certificate, run, lower, linear, tuple(history), tuple(notes),
+    return Result(plant, spec, best.inc if best else None, certificate, proof, run, lower, linear, tuple(history), tuple(notes),
                   seconds, best)
 
 

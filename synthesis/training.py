@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -14,29 +15,30 @@ from inc_casadi.arrays import Array, number
 from inc_casadi.errors import DimensionError, InvalidInputError
 from inc_casadi.inc import INC
 from inc_casadi.plant import Plant, as_plant
-from inc_casadi.sets import Box
+from inc_casadi.sets import Polytope
 from inc_casadi.sets.rules import whole
 from inc_casadi.spec import Spec
 
 from .objective import Objective
 from .rollout import Parameters, Scenario, roll
-from .training_setup import Setup, balanced, row_bound, setup
+from .training_setup import COARSE, FINE, Setup, balanced, inscribed_box, row_bound, setup
 
 SHORT_HORIZON, SHORT_ITERATIONS = 2, 40
 _POOR = 4.0  # a start this many times above the cost without input limits is first brought near by a short horizon
 _GAIN = 1e-7  # relative; a smaller gain is noise of the estimate, and the start is the simpler law
-_BACKOFF, _TIGHTENED = 1.2, 3  # input constraints are tightened by this much of the violation seen, so many times
+_BACKOFF, _TIGHTENED = 1.2, 3  # half-spaces are tightened by this much of the violation seen, at most so many times
 
 
 @dataclass(frozen=True, eq=False)
 class Training:
     """A trained candidate; nothing about it is proved but its well-posedness.
 
-    inc: the law to be used, input limits of a box included by a saturated readout; inner: the law without them, as it
-    was trained; cost, start_cost: estimates of the discounted cost of `inc` and of the start, both rolled out on nodes
-    that training did not see; violation: largest H u - h met in these rollouts when the inputs are a polytope, else 0;
-    iterations: of IPOPT, all phases together; status: how the search ended, in words; seconds: wall time;
-    history: one dict(phase, iteration, cost, seconds) per iteration, with the cost on that phase's nodes and horizon.
+    inc: the law to be used, clipped to the box of inputs (or the bounding box of a polytope) by a saturated readout;
+    inner: the law without that readout, as it was trained; cost, start_cost: estimates of the discounted cost of `inc`
+    and of the start, both with the input limits and on nodes that training did not see; violation: largest H u - h met
+    on the way when the inputs are a polytope, else 0; iterations: of IPOPT, all phases together; status: how the search
+    ended, in words; seconds: wall time; history: one dict(phase, iteration, cost, seconds) per iteration, with the cost
+    on that phase's nodes and horizon.
     """
 
     inc: INC
@@ -64,8 +66,10 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
 
     min sum_i w_i [ sum_{k<T} beta^k (x_k'Q x_k + u_k'R u_k) + beta^T x_T'P x_T ] over W, U, V, K, b (and d), where x_0
     is node i of a quadrature of the initial distribution, subject to ||W||_inf <= kappa, which keeps every law well
-    posed (prop:projected_training_wp), with u_k = clip(v_k) for a box of inputs and H u_k <= h at all nodes for a
-    polytope; v = K y + V eta + d, eta = phi(W eta + U y + b). Derivatives are those of prop:implicit_gradients.
+    posed (prop:projected_training_wp). The input is u = clip(v) with v = K y + V eta + d, eta = phi(W eta + U y + b), so
+    a box of inputs is kept by construction. A polytope's bounding box is; its further half-spaces are penalized and
+    tightened until no input outside is seen, which is evidence and no proof; a start that leaves the polytope is first
+    saturated to a box inside it. Derivatives are those of prop:implicit_gradients.
 
     The phases: a horizon of 2 steps, which the terminal cost makes a good guess, when the start is poor; the horizon on
     few nodes; the horizon on more. The best of start and phases on nodes that none of them saw is returned, so training
@@ -88,7 +92,8 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
     method : "adjoint", NumPy with batched adjoints through CasADi callbacks, or "graph", CasADi alone: slower, for
         reference
     hessian : "gauss-newton" with Levenberg damping, "limited-memory", or "auto": the former while q is small
-    max_iterations : of IPOPT on the full horizon and few nodes; half as many follow on more nodes
+    max_iterations : of IPOPT on the full horizon and few nodes; half as many follow on more nodes, and again for each
+        tightening of a polytope
     time_limit : seconds for the search, after which the best law so far is returned; the comparison at the end is extra
     progress : called with dict(phase, iteration, cost, seconds) after each iteration
     seed : of random nodes; with a time limit the result can depend on the machine
@@ -119,12 +124,21 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
     began = time.perf_counter()
     plant = as_plant(plant)
     _check(plant, spec, start, kappa, frozen, method, hessian)
-    start = start if "W" in frozen else balanced(start, row_bound(start.activations, kappa))
-    problem = setup(plant, spec, start, kappa=kappa, horizon=horizon, order=order, anchored=anchored, frozen=frozen,
-                    terminal=terminal, seed=seed)
     limit = np.inf if time_limit is None else number("time_limit", time_limit, 0.0)
+    pose = partial(_posed, plant, spec, kappa=kappa, horizon=horizon, order=order, anchored=anchored, frozen=frozen,
+                   terminal=terminal, seed=seed)
+    problem, law = pose(start)
+    if isinstance(spec.inputs, Polytope) and np.any(problem.judge(law)[1] > 0.0):
+        # From outside the polytope IPOPT rarely comes in: begin with the start saturated to a box inside.
+        problem, law = pose(start.with_saturated_output(inscribed_box(spec.inputs)))
     search = _Search(problem, method, hessian, whole("max_iterations", max_iterations, 0), began, limit, progress)
-    return _best(search, Parameters.of(start), search.run(Parameters.of(start)))
+    return _best(search, law, search.run(law))
+
+
+def _posed(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[str],
+           **options: Any) -> tuple[Setup, Parameters]:
+    start = start if "W" in frozen else balanced(start, row_bound(start.activations, kappa))
+    return setup(plant, spec, start, kappa=kappa, frozen=frozen, **options), Parameters.of(start)
 
 
 @dataclass
@@ -150,35 +164,34 @@ class _Search:
         """Return the laws that the phases end with, each phase beginning where the last one ended."""
         laws: list[Parameters] = []
         margin: Array | float = 0.0
-        coarse, fine, fewer = self.setup.coarse(), self.setup.fine(), (self.max_iterations + 1) // 2
-        phases = [("coarse", coarse, self.max_iterations), ("fine", fine, fewer)]
+        fewer = (self.max_iterations + 1) // 2
+        phases = [("coarse", COARSE, self.max_iterations), ("fine", FINE, fewer)]
         if self.setup.limits is not None:
-            phases += [("tightened", fine, fewer)] * _TIGHTENED
-        begun = roll(coarse, law).cost
+            phases += [("tightened", FINE, fewer)] * _TIGHTENED
+        begun = roll(self.setup.scenario(COARSE), law).cost
         if not begun <= _POOR * self.setup.scale:
-            phases.insert(0, ("short", replace(coarse, steps=SHORT_HORIZON), SHORT_ITERATIONS))
-        for name, scenario, iterations in phases:
+            phases.insert(0, ("short", COARSE, SHORT_ITERATIONS))
+        for name, budget, iterations in phases:
             if self.status == "interrupted" or iterations == 0 or self.seconds >= self.limit:
                 break
-            found = self.setup.settled(self._phase(name, scenario, law, iterations, margin))
-            if name == "short" and roll(coarse, found).cost >= begun:
+            scenario = self.setup.scenario(budget, margin, SHORT_HORIZON if name == "short" else None)
+            found = self.setup.settled(self._phase(name, scenario, law, iterations))
+            if name == "short" and np.isfinite(begun) and roll(self.setup.scenario(COARSE), found).cost >= begun:
                 continue
             law = found
             laws.append(law)
             excess = self.setup.judge(law)[1] if self.setup.limits is not None else np.zeros(0)
             margin = margin + _BACKOFF * np.maximum(excess, 0.0)
-            if name == "fine" and np.all(excess <= 0.0):
+            if name in ("fine", "tightened") and np.all(excess <= 0.0):
                 break
         return laws
 
-    def _phase(self, name: str, scenario: Scenario, law: Parameters, iterations: int,
-               margin: Array | float) -> Parameters:
+    def _phase(self, name: str, scenario: Scenario, law: Parameters, iterations: int) -> Parameters:
         from .nlp import minimize
 
         begun = self.seconds
-        limits = None if self.setup.limits is None else (self.setup.limits[0], self.setup.limits[1] - margin)
         sketch = self.setup.sketch(scenario)
-        objective = Objective(scenario, self.setup.layout, self.setup.scale, limits, sketch)
+        objective = Objective(scenario, self.setup.layout, self.setup.scale, sketch)
         hessian = self.hessian
         if hessian == "auto":
             hessian = "limited-memory" if sketch is None else "gauss-newton"
@@ -198,17 +211,17 @@ class _Search:
 
 
 def _best(search: _Search, start: Parameters, laws: list[Parameters]) -> Training:
-    """Return the law that keeps a polytope of inputs best, and among those that keep it the cheapest, on unseen nodes."""
+    """Return the law that leaves a polytope of inputs least, and of several the cheapest, judged on unseen nodes."""
     problem = search.setup
     judged = [problem.judge(law) for law in (start, *laws)]
     excess = [float(np.max(rows, initial=0.0)) for _, rows in judged]
-    ranks = [(over, cost * (1.0 - _GAIN) if i == 0 else cost) for i, (over, (cost, _)) in enumerate(zip(excess, judged))]
-    best = min(range(len(ranks)), key=ranks.__getitem__)
+    costs = np.array([cost for cost, _ in judged])
+    costs[0] *= 1.0 - _GAIN
+    best = min(range(len(judged)), key=lambda i: (excess[i], costs[i]))
     inner = problem.inner((start, *laws)[best])
-    inputs = problem.spec.inputs
     status = search.status if best else f"the start is kept ({search.status})"
     return Training(
-        inc=inner.with_saturated_output(inputs) if isinstance(inputs, Box) else inner, inner=inner,
+        inc=inner if problem.box is None else inner.with_saturated_output(problem.box), inner=inner,
         cost=judged[best][0], start_cost=judged[0][0], violation=excess[best],
         iterations=sum(row["iteration"] > 0 for row in search.history), status=status, seconds=search.seconds,
         history=tuple(search.history))

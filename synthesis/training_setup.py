@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from inc_casadi.activations import stack
 from inc_casadi.arrays import Array, symmetric
-from inc_casadi.errors import InvalidInputError
+from inc_casadi.errors import InvalidInputError, SolverError
 from inc_casadi.inc import INC
 from inc_casadi.plant import Plant
 from inc_casadi.sets import Box, Distribution, Empirical, Polytope
@@ -23,8 +23,9 @@ from .rollout import Parameters, Scenario, hidden, roll
 from .starts.lqr import discounted_lqr
 from .starts.random_start import input_range, measurement_range
 
-COARSE, FINE, JUDGE, CONSTRAINED = 130, 400, 900, 40  # most nodes: first phase, last phase, judge, input constraints
+COARSE, FINE, JUDGE = 130, 400, 900  # most nodes of the first phase, the last phase, and the judge
 _HESSIAN_WORK, _HESSIAN_NODES = 5e8, 40  # multiplications that one Hessian may take; fewest nodes it is thinned to
+_PENALTY = 100.0  # on inputs outside a polytope: this many times the cost scale, at once the polytope's size outside
 _MOST_VERTICES = 64
 
 
@@ -32,8 +33,9 @@ _MOST_VERTICES = 64
 class Setup:
     """One training problem: see `train` for the options.
 
-    K, P: the discounted LQR; terminal (n, n); scale: the cost that LQR without limits would have; limits: (H, h) when
-    the inputs are a polytope; layout: of the variables.
+    units: activations of the law; terminal (n, n); scale: the cost that LQR without limits would have; layout: of the
+    variables; box: the inputs, or the bounding box of a polytope, to which the law is clipped; limits: (H, h), the
+    half-spaces of the polytope that cut into its bounding box, None if there are none.
     """
 
     plant: Plant
@@ -46,24 +48,18 @@ class Setup:
     anchored: bool
     seed: int
     layout: Layout
+    box: Box | None
     limits: tuple[Array, Array] | None
 
-    def scenario(self, budget: int, steps: int) -> Scenario:
-        """Return the scenario on at most `budget` nodes, and on the vertices too when the inputs are a polytope."""
+    def scenario(self, budget: int, margin: Array | float = 0.0, steps: int | None = None) -> Scenario:
+        """Return the scenario on at most `budget` nodes, its half-spaces of the inputs tightened by a margin."""
         nodes, weights = nodes_of(self.spec.initial, budget, self.seed, self.order)
-        if self.limits is not None:
-            corners = _corners(self.spec.initial)
-            nodes = np.hstack([nodes, corners])
-            weights = np.concatenate([weights, np.zeros(corners.shape[1])])
-        return self._scenario(nodes, weights, steps, self.anchored)
-
-    def coarse(self) -> Scenario:
-        """Return the scenario of the first phase at full horizon."""
-        return self.scenario(COARSE if self.limits is None else CONSTRAINED, self.horizon)
-
-    def fine(self) -> Scenario:
-        """Return the scenario of the last phase."""
-        return self.scenario(FINE if self.limits is None else 2 * CONSTRAINED, self.horizon)
+        plain = self._scenario(nodes, weights, self.horizon if steps is None else steps, self.anchored)
+        if self.limits is None or self.box is None:
+            return plain
+        H, h = self.limits
+        reach = np.abs(H) @ (self.box.upper - self.box.lower) / 2
+        return replace(plain, H=H, h=h - margin, penalty=_PENALTY * self.scale / float(np.mean(reach)) ** 2)
 
     def sketch(self, scenario: Scenario) -> Scenario | None:
         """Return the scenario of the Gauss-Newton Hessian, thinned to bound its work; None where that cannot be."""
@@ -72,7 +68,9 @@ class Setup:
         if work < _HESSIAN_NODES:
             return None
         budget = min(COARSE, int(work))
-        return scenario if scenario.weights.size <= budget else self.scenario(budget, scenario.steps)
+        thin = self.scenario(budget)
+        return scenario if scenario.weights.size <= thin.weights.size else replace(
+            scenario, nodes=thin.nodes, weights=thin.weights)
 
     def judge(self, law: Parameters) -> tuple[float, Array]:
         """Return the cost of a law and the largest H u - h per half-space, on nodes that no phase trains on."""
@@ -80,7 +78,8 @@ class Setup:
         if self.limits is None:
             return motion.cost, np.zeros(0)
         H, h = self.limits
-        return motion.cost, np.max(motion.u @ H.T - h, axis=(0, 1))
+        excess = np.max(motion.u @ H.T - h, axis=(0, 1))
+        return motion.cost, np.where(np.isnan(excess), np.inf, excess)
 
     def settled(self, law: Parameters) -> Parameters:
         """Return the law with its d written out: -V eta(0) when it is anchored."""
@@ -96,7 +95,8 @@ class Setup:
     @cached_property
     def _judge(self) -> Scenario:
         order = None if self.order is None else 2 * self.order + 1
-        nodes, weights = nodes_of(self.spec.initial, JUDGE, self.seed + 1, order)
+        budget = int(JUDGE * min(1.0, 12 / max(len(self.units), 1)))
+        nodes, weights = nodes_of(self.spec.initial, budget, self.seed + 1, order)
         if self.limits is not None:
             corners = _corners(self.spec.initial)
             nodes, weights = np.hstack([nodes, corners]), np.concatenate([weights, np.zeros(corners.shape[1])])
@@ -105,9 +105,9 @@ class Setup:
     def _scenario(self, nodes: Array, weights: Array, steps: int, anchored: bool) -> Scenario:
         plant, spec = self.plant, self.spec
         free = np.full(plant.m, np.inf)
-        lower, upper = (spec.inputs.lower, spec.inputs.upper) if isinstance(spec.inputs, Box) else (-free, free)
+        lower, upper = (-free, free) if self.box is None else (self.box.lower, self.box.upper)
         return Scenario(plant.A, plant.B, plant.C, spec.Q, spec.R, spec.discount, self.terminal, nodes, weights, steps,
-                        lower, upper, self.units, anchored)
+                        lower, upper, np.zeros((0, plant.m)), np.zeros(0), 0.0, self.units, anchored)
 
 
 def setup(plant: Plant, spec: Spec, start: INC, *, kappa: float, horizon: int | None, order: int | None, anchored: bool,
@@ -130,8 +130,16 @@ def setup(plant: Plant, spec: Spec, start: INC, *, kappa: float, horizon: int | 
         plant, spec, start.activations, P if terminal is None else symmetric("terminal", terminal, plant.n, "semi"),
         scale if scale > 0 else 1.0,
         default_horizon(plant, spec, K) if horizon is None else whole("horizon", horizon, 1),
-        None if order is None else whole("order", order, 1), anchored, seed, layout,
-        (spec.inputs.H, spec.inputs.h) if isinstance(spec.inputs, Polytope) else None)
+        None if order is None else whole("order", order, 1), anchored, seed, layout, *_box_and_limits(spec.inputs))
+
+
+def _box_and_limits(inputs: Box | Polytope | None) -> tuple[Box | None, tuple[Array, Array] | None]:
+    if not isinstance(inputs, Polytope):
+        return inputs, None
+    axes = np.eye(inputs.dimension)
+    box = Box(-np.asarray(inputs.support(-axes)), np.asarray(inputs.support(axes)))
+    cutting = np.asarray(box.support(inputs.H.T)) > inputs.h + 1e-9 * (1.0 + np.abs(inputs.h))
+    return box, (inputs.H[cutting], inputs.h[cutting]) if cutting.any() else None
 
 
 def row_bound(units: stack.Units, kappa: float) -> float:
@@ -147,8 +155,8 @@ def row_bound(units: stack.Units, kappa: float) -> float:
 def balanced(start: INC, bound: float) -> INC:
     """Return the same law with ||W||_inf <= bound, rescaling units that are linear on both half lines if need be.
 
-    For v > 0 the hidden units eta / v give W' = diag(1/v) W diag(v); v = (c I - |W|)^{-1} 1 makes every row sum of |W'|
-    less than c, for any c above lambda_pf(|W|).
+    For v > 0 the hidden units eta / v have W' = diag(1/v) W diag(v), and ||W'||_inf <= c where |W| v <= c v. Units that
+    cannot be rescaled keep v = 1; the others get the v that |W| v = c v - t asks of them, with the largest t that fits.
 
     Raises
     ------
@@ -162,14 +170,53 @@ def balanced(start: INC, bound: float) -> INC:
     norm = float(np.max(np.abs(start.W).sum(axis=1), initial=0.0))
     if norm <= bound:
         return start
-    level = 0.9 * bound
-    radius = float(np.max(np.abs(np.linalg.eigvals(np.abs(start.W)))))
-    if radius >= level or any(unit.homogeneous is None for unit in start.activations):
+    v = _weights(np.abs(start.W), np.array([unit.homogeneous is not None for unit in start.activations]), 0.95 * bound)
+    if v is None:
         raise InvalidInputError(f"start has ||W||_inf = {norm:.6g}, above the bound {bound:.6g} of the training, and "
                                 "its units cannot be rescaled to meet it: raise kappa, project W first, or freeze W")
-    v = np.linalg.solve(level * np.eye(start.q) - np.abs(start.W), np.ones(start.q))
     return INC(start.W * v / v[:, None], start.U / v[:, None], start.V * v, start.K, start.b / v, start.d,
                start.activation)
+
+
+def _weights(M: Array, free: np.ndarray, level: float) -> Array | None:
+    """Return v > 0 with M v <= level v and v = 1 outside `free`, or None when this way finds none."""
+    inner = M[np.ix_(free, free)]
+    if inner.size and np.max(np.abs(np.linalg.eigvals(inner))) >= level:
+        return None
+    fed = np.column_stack([M[np.ix_(free, ~free)].sum(axis=1), np.ones(inner.shape[0])])
+    least, more = np.linalg.solve(level * np.eye(inner.shape[0]) - inner, fed).T
+    room = level - M[np.ix_(~free, ~free)].sum(axis=1) - M[np.ix_(~free, free)] @ least
+    use = M[np.ix_(~free, free)] @ more
+    t = float(np.min(room[use > 0] / use[use > 0], initial=1.0))
+    if t <= 0.0 or np.any(room < 0.0):
+        return None
+    v = np.ones(M.shape[0])
+    v[free] = least + t * more
+    return v
+
+
+def inscribed_box(polytope: Polytope) -> Box:
+    """Return a large box inside a polytope: first as large as possible in the shape of its bounding box, then widened.
+
+    >>> diamond = Polytope([[1, 1], [1, -1], [-1, 1], [-1, -1]], [1, 1, 1, 1])
+    >>> inscribed_box(diamond).upper.round(6).tolist()
+    [0.5, 0.5]
+    """
+    from scipy.optimize import linprog
+
+    m = polytope.dimension
+    axes = np.eye(m)
+    shape = (np.asarray(polytope.support(axes)) + np.asarray(polytope.support(-axes))) / 2
+    # Unknowns: center c (m,), half widths r (m,), common scale s; H c + |H| r <= h, r >= s shape.
+    within = np.hstack([polytope.H, np.abs(polytope.H), np.zeros((polytope.h.size, 1))])
+    wide = np.hstack([np.zeros((m, m)), -np.eye(m), shape[:, None]])
+    reward = np.concatenate([np.zeros(m), 1e-3 / shape, [1.0]])
+    found = linprog(-reward, np.vstack([within, wide]), np.concatenate([polytope.h, np.zeros(m)]),
+                    bounds=[(None, None)] * m + [(0.0, None)] * (m + 1))
+    if found.x is None:
+        raise SolverError(f"no box was found inside the polytope of inputs: {found.message}")
+    c, r = found.x[:m], found.x[m:2 * m] * (1.0 - 1e-9)
+    return Box(c - r, c + r)
 
 
 def default_horizon(plant: Plant, spec: Spec, K: Array) -> int:
