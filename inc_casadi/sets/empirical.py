@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -14,6 +15,8 @@ from ..errors import DimensionError, EmptySetError, InvalidInputError
 from . import rules
 from .base import Distribution, frozen
 from .polytope import Polytope
+
+NORMALIZED = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +56,12 @@ class Empirical(Distribution):
             raise InvalidInputError(f"weights[{i}] = {weights[i]:g} is negative")
         if not np.any(weights > 0):
             raise InvalidInputError("every weight is zero")
-        weights = weights / weights.max()  # before the sum, which would overflow for huge weights
+        # Weights that sum to 1 stay as they are, so that a file gives them back.
+        if weights.max() > 1.0 or abs(math.fsum(weights) - 1.0) > NORMALIZED:
+            weights = weights / weights.max()  # before the sum, which would overflow for huge weights
+            weights = weights / weights.sum()
         object.__setattr__(self, "points", points)
-        object.__setattr__(self, "weights", frozen(weights / weights.sum()))
+        object.__setattr__(self, "weights", frozen(np.array(weights)))
 
     @property
     def dimension(self) -> int:

@@ -189,3 +189,11 @@ def test_a_set_stands_for_its_uniform_distribution():
     assert as_distribution(box).support is box
     assert as_distribution(DISTRIBUTIONS["gaussian"]) is DISTRIBUTIONS["gaussian"]
     assert isinstance(box, Set) and not isinstance(box, Distribution)
+
+
+def test_weights_that_were_normalized_once_are_kept_bit_for_bit():
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        once = Empirical(rng.standard_normal((2, 7)), rng.random(7))
+        assert np.array_equal(Empirical(once.points, once.weights).weights, once.weights)
+        assert once.weights.sum() == pytest.approx(1.0, abs=1e-14)
