@@ -93,7 +93,8 @@ def _check(plant: Plant, spec: Spec, hidden: int, activation: Activation, kappa:
     if not isinstance(hidden, int | np.integer) or isinstance(hidden, bool) or hidden < 0:
         raise InvalidInputError(f"hidden = {hidden!r} must be a whole number of hidden units, 0 or more")
     if not plant.discrete:
-        raise InvalidInputError("synthesize works in discrete time: give it plant.sampled(dt), with a Q and R per step")
+        raise InvalidInputError("synthesize works in discrete time and this plant is continuous: give it plant.sampled(dt), "
+                                "or Plant.from_control(sys).sampled(dt), with Q and R per step")
     spec.check(plant)
     modes = plant.unstabilizable_modes()
     if modes:

@@ -66,8 +66,8 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
 
     min sum_i w_i [ sum_{k<T} beta^k (x_k'Q x_k + u_k'R u_k) + beta^T x_T'P x_T ] over W, U, V, K, b (and d), where x_0
     is node i of a quadrature of the initial distribution, subject to ||W||_inf <= kappa, which keeps every law well
-    posed (prop:projected_training_wp). The input is u = clip(v) with v = K y + V eta + d, eta = phi(W eta + U y + b), so
-    a box of inputs is kept by construction. A polytope's bounding box is; its further half-spaces are penalized and
+    posed (prop:projected_training_wp). The input is u = clip(v), v = K y + V eta + d, eta = phi(W eta + U y + b), so a
+    box of inputs is kept by construction. Of a polytope the bounding box is; its further half-spaces are penalized and
     tightened until no input outside is seen, which is evidence and no proof; a start that leaves the polytope is first
     saturated to a box inside it. Derivatives are those of prop:implicit_gradients.
 

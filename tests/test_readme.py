@@ -16,8 +16,10 @@ def test_the_readme_code_runs_and_gives_the_figures_it_states(tmp_path, monkeypa
     names: dict = {}
     exec(compile(blocks[0], "README.md", "exec"), names)
     result = names["result"]
-    assert result.status == "certified" and "1.3649619" in text
-    assert result.cost == pytest.approx(1.3649619, abs=1e-7)
+    assert result.status == "certified" and "1.36496190" in text
+    assert result.certificate.expected == pytest.approx(1.36496190, abs=1e-8)
+    assert "1.364795" in text and float(result.bounds["any controller"]) == pytest.approx(1.364795, abs=1e-6)
+    assert "0.013 %" in text and "within 0.013 %" in str(result)
     linear = float(result.bounds["linear controllers, 20 moves"])
     assert linear == pytest.approx(2.116763, abs=1e-6) and "2.116763" in text
     assert abs(names["u"][0]) <= 1 and names["result"].certificate.prove()

@@ -6,7 +6,19 @@ import numpy as np
 import oracles
 import pytest
 
-from inc_casadi import INC, Box, CenteredLogistic, Identity, LeakyReLU, Logistic, Plant, ReLU, Saturation, Tanh, simulate
+from inc_casadi import (
+    INC,
+    Box,
+    CenteredLogistic,
+    Identity,
+    LeakyReLU,
+    Logistic,
+    Plant,
+    ReLU,
+    Saturation,
+    Tanh,
+    simulate,
+)
 from inc_casadi.errors import DimensionError, InvalidInputError
 from inc_casadi.graph import activation_graph, inc_function, parametric_inc, residual_function, rollout
 
@@ -35,8 +47,8 @@ def test_implicit_graph_gives_the_values_of_plain_iteration(units, norm):
 
 def test_feedforward_graph_needs_no_rootfinder_and_keeps_the_order_of_units():
     rng = np.random.default_rng(3)
-    deep = INC.from_layers([(rng.normal(size=(5, 4)), rng.normal(size=5)), (3 * rng.normal(size=(3, 5)), rng.normal(size=3)),
-                            (rng.normal(size=(2, 3)), rng.normal(size=2))], Tanh())
+    layers = [(rng.normal(size=(to, at)), rng.normal(size=to)) for at, to in ((4, 5), (5, 3), (3, 2))]
+    deep = INC.from_layers(layers, Tanh())
     inc = deep.with_saturated_output(Box([-1.0, -0.5], [0.5, 2.0]))
     order = rng.permutation(inc.q)
     shuffled = INC(inc.W[np.ix_(order, order)], inc.U[order], inc.V[:, order], inc.K, inc.b[order], inc.d,
@@ -53,7 +65,9 @@ def test_linear_law_has_no_hidden_units():
     u, eta = inc_function(INC.linear([[1.0, -2.0, 0.5]]))([1.0, 2.0, 4.0])
     assert u.full().item() == -1.0 and eta.shape == (0, 1)
     law = parametric_inc(0, 3, 1, ())
-    assert law([1.0, 2.0, 4.0], ca.DM(0, 0), ca.DM(0, 3), ca.DM(1, 0), [[1.0, -2.0, 0.5]], ca.DM(0, 1), 3.0)[0].full().item() == 2.0
+    none = [ca.DM(0, 0), ca.DM(0, 3), ca.DM(1, 0)]
+    u, eta = law([1.0, 2.0, 4.0], *none, ca.DM([[1.0, -2.0, 0.5]]), ca.DM(0, 1), 3.0)
+    assert u.full().item() == 2.0 and eta.shape == (0, 1)
 
 
 def test_jacobian_agrees_with_differences_and_with_the_controllers_own():
@@ -63,7 +77,8 @@ def test_jacobian_agrees_with_differences_and_with_the_controllers_own():
         symbol = ca.MX.sym("y", 4)
         jacobian = ca.Function("jacobian", [symbol], [ca.jacobian(inc_function(inc)(symbol)[0], symbol)])(y).full()
         pushes = STEP * np.eye(4)
-        differences = (oracles.control(inc, y[:, None] + pushes) - oracles.control(inc, y[:, None] - pushes)) / (2 * STEP)
+        ends = [oracles.control(inc, y[:, None] + sign * pushes) for sign in (1.0, -1.0)]
+        differences = (ends[0] - ends[1]) / (2 * STEP)
         np.testing.assert_allclose(jacobian, differences, atol=1e-7)
         np.testing.assert_allclose(jacobian, inc.jacobian(y), atol=1e-9)
 

@@ -23,7 +23,7 @@ HALFSPACES = np.array([[1.0, 0.5], [-0.4, 1.0], [-1.0, -1.0]])
 def scenario(seed=0, units=MIXED, anchored=True, steps=STEPS, limit=0.4, penalty=0.0):
     rng = np.random.default_rng(seed)
     plant = draws.plant(rng, radius=1.1)
-    Q, R, terminal = (part @ part.T for part in (rng.normal(size=(3, 2)), rng.normal(size=(2, 2)), rng.normal(size=(3, 3))))
+    Q, R, terminal = (part @ part.T for part in (rng.normal(size=shape) for shape in ((3, 2), (2, 2), (3, 3))))
     weights = rng.uniform(0.5, 1.5, NODES)
     rows = HALFSPACES if penalty else np.zeros((0, M))
     return plant, Scenario(plant.A, plant.B, plant.C, Q, R, 0.9, terminal, rng.normal(size=(N_STATES, NODES)),
@@ -128,7 +128,8 @@ def test_gauss_newton_is_the_square_of_the_sensitivities():
         return np.concatenate([motion.x.ravel(), motion.u.ravel()]), motion
 
     base = points(theta)[1]
-    J = np.array([(points(theta + push)[0] - points(theta - push)[0]) / (2 * STEP) for push in STEP * np.eye(theta.size)]).T
+    pushes = STEP * np.eye(theta.size)
+    J = np.array([(points(theta + push)[0] - points(theta - push)[0]) / (2 * STEP) for push in pushes]).T
     size = base.x.size
     X, U = J[:size].reshape(*base.x.shape, -1), J[size:].reshape(*base.u.shape, -1)
     powers = task.discount ** np.arange(STEPS + 1)
