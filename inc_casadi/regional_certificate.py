@@ -19,7 +19,7 @@ from .figures import at_most
 from .inc import INC
 from .loop import close_loop
 from .output_range import within_limits
-from .pieces.enclosure import LEVEL_ROOM, enclose
+from .pieces.enclosure import LEVEL_ROOM, Arrival, enclose
 from .pieces.laws import PiecewiseLoop
 from .pieces.terminal import TerminalSet, find, in_fractions, in_places, refusal, with_ellipsoid
 from .pieces.walk import Budget, Walk, walk
@@ -197,7 +197,7 @@ class RegionalCertificate(Certificate):
             return str(error)
         if not found.complete:
             return self._walk_trouble(found, 0.0)
-        errors = enclose(loop, self.claim, terminal, found.steps, len(found.done))
+        errors = enclose(loop, self.claim, terminal, found.steps, Arrival.of(found.done))
         if not errors.arrives(terminal):
             return "rounding errors grow too large for arrival in the terminal set to be certain"
         built_in = self.claim.inputs is None or within_limits(self.inc, self.claim.inputs)

@@ -13,6 +13,7 @@ from ..arrays import Array
 from ..claims.regional import Regional
 from .fixed import RESOLUTION
 from .laws import PiecewiseLoop
+from .simplices import Simplices
 from .terminal import TerminalSet
 
 GUARD = 1 + 1e-6
@@ -35,6 +36,21 @@ class Step:
     slack: Any
     largest: float
     pieces: int
+
+
+@dataclass(frozen=True, eq=False)
+class Arrival:
+    """Where a walk ended: how many pieces, the largest magnitudes of their vertices x (n,) and of their cost forms."""
+
+    pieces: int
+    x: Array
+    largest: float
+
+    @classmethod
+    def of(cls, done: Simplices) -> Arrival:
+        """Return what an error bound needs to know of the simplices that arrived."""
+        x = np.abs(done.now).max(axis=(0, 1)).astype(float)
+        return cls(len(done), x, float(np.max(np.abs(done.cost))))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +83,7 @@ class Enclosure:
         return bool(np.all(GUARD * size <= ERROR_ROOM * float(terminal.level)))
 
 
-def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: Sequence[Step], pieces: int,
+def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: Sequence[Step], arrival: Arrival,
             resolution: float = RESOLUTION) -> Enclosure:
     """Return bounds on the error of a walk in numbers that are rounded down to multiples of `resolution`.
 
@@ -94,7 +110,7 @@ def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: 
     room = 1.0 - GUARD * test.rate
     if room <= 0:
         return Enclosure(np.full((len(steps) + 1, plant.n), np.inf), np.full((len(steps), plant.m), np.inf), np.inf, np.inf)
-    r = _rounding(loop, claim, terminal, steps, resolution)
+    r = _rounding(loop, claim, terminal, steps, arrival, resolution)
 
     def hidden(residual: Array) -> Array:
         return GUARD * test.weights * np.max(residual / test.weights, initial=0.0) / room
@@ -108,18 +124,19 @@ def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: 
         E = GUARD * (A @ E + B @ error + r)
         state.append(E)
         inputs.append(error)
-    lifted = np.append(np.max([step.x for step in steps], axis=0, initial=1.0) + np.abs(terminal.x.astype(float)), 1.0)
+    lifted = np.append(arrival.x + np.abs(terminal.x.astype(float)), 1.0)
     cost += GUARD * _change(terminal.tail.astype(float), GUARD * lifted, np.append(np.max(state, axis=0) + r, 0.0))
     depth = sum(step.rounds for step in steps) + 2
-    cost += GUARD * r * (pieces * depth + (len(steps) + depth) ** 2)
+    cost += GUARD * r * (arrival.pieces * depth + (len(steps) + depth) ** 2)
     return Enclosure(np.array(state), np.array(inputs).reshape(len(steps), plant.m), cost, r)
 
 
 def _rounding(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: Sequence[Step],
-              resolution: float) -> float:
+              arrival: Arrival, resolution: float) -> float:
     """What one formula of the walk can be off by: N M^3 resolution, doubled."""
     plant, inputs = loop.plant, claim.inputs
-    arrays = [plant.A, plant.B, plant.C, claim.Q, claim.R, terminal.P, terminal.tail, terminal.x, terminal.level]
+    arrays = [plant.A, plant.B, plant.C, claim.Q, claim.R, terminal.P, terminal.tail, terminal.x, terminal.level,
+              arrival.x, arrival.largest]
     arrays += [] if inputs is None else [inputs.H, inputs.h]
     arrays += [part for step in steps for part in (step.x, step.u, step.largest)]
     box = claim.initial.support

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from inc_casadi import INC, Box, LeakyReLU, Plant, Regional, ReLU, Saturation
-from inc_casadi.pieces.enclosure import Enclosure, Step, enclose
+from inc_casadi.pieces.enclosure import Arrival, Enclosure, Step, enclose
 from inc_casadi.pieces.laws import PiecewiseLoop
 from inc_casadi.pieces.terminal import find, in_fractions, in_places
 from inc_casadi.pieces.walk import walk
@@ -39,6 +39,10 @@ def quiet(x, u, rounds=0, beyond=0.0):
     return Step(rounds, beyond, x, u, np.inf, 1.0, 1)
 
 
+def ends(pieces=1, n=N):
+    return Arrival(pieces, np.ones(n), 1.0)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_disturbed_motions_stay_within_the_bound_and_so_do_their_costs(seed):
     """x^+ = A x^ + B inc(C x^) + e with |e| <= r is what a walk that rounds computes."""
@@ -46,7 +50,7 @@ def test_disturbed_motions_stay_within_the_bound_and_so_do_their_costs(seed):
     rng = np.random.default_rng(10 + seed)
     x = rng.uniform(-1, 1, (N, 400))
     steps = [quiet(np.ones(N), np.ones(M))] * 6
-    r = enclose(loop, claim, terminal, steps, 1, 1e-9).rounding
+    r = enclose(loop, claim, terminal, steps, ends(), 1e-9).rounding
     size, cost, disturbed_cost = 0.0, 0.0, 0.0
     xhat, tracks = x + 0.99 * r * rng.choice([-1, 1], x.shape), []
     for k in range(6):
@@ -59,7 +63,7 @@ def test_disturbed_motions_stay_within_the_bound_and_so_do_their_costs(seed):
         size = max(size, np.abs(xhat).max(), np.abs(uhat).max())
         x, xhat = plant.A @ x + plant.B @ u, plant.A @ xhat + plant.B @ uhat + 0.99 * r * rng.choice([-1, 1], x.shape)
     measured = [quiet(track[2], track[3]) for track in tracks]
-    found = enclose(loop, claim, terminal, measured, 1, 1e-9)
+    found = enclose(loop, claim, terminal, measured, ends(), 1e-9)
     assert found.rounding >= r
     for k, (error, input_error, _, _) in enumerate(tracks):
         assert np.all(error <= found.state[k]) and np.all(input_error <= found.inputs[k])
@@ -83,15 +87,15 @@ def test_a_law_prolonged_beyond_its_piece_is_as_wrong_as_the_bound_allows(seed):
     used = beyond > 1e-6
     assert used.sum() > 20 and wrong[used].max() > 1e-4
     for t, gap in zip(beyond[used], wrong[used], strict=True):
-        found = enclose(loop, claim, terminal, [quiet(np.ones(N), np.ones(M), beyond=float(t))], 1)
+        found = enclose(loop, claim, terminal, [quiet(np.ones(N), np.ones(M), beyond=float(t))], ends())
         assert np.all(gap <= found.inputs[0])
 
 
 def test_rounds_of_cutting_and_pieces_enter():
     _, _, claim, loop, terminal = setting(0)
-    one = enclose(loop, claim, terminal, [quiet(np.ones(N), np.ones(M))], 1, 1e-9)
-    cut = enclose(loop, claim, terminal, [quiet(np.ones(N), np.ones(M), rounds=5)], 1, 1e-9)
-    many = enclose(loop, claim, terminal, [quiet(np.ones(N), np.ones(M))], 1000, 1e-9)
+    one = enclose(loop, claim, terminal, [quiet(np.ones(N), np.ones(M))], ends(), 1e-9)
+    cut = enclose(loop, claim, terminal, [quiet(np.ones(N), np.ones(M), rounds=5)], ends(), 1e-9)
+    many = enclose(loop, claim, terminal, [quiet(np.ones(N), np.ones(M))], ends(1000), 1e-9)
     assert np.all(cut.state[1] >= one.state[1] + 0 * cut.state[1]) and cut.inputs.max() > 2 * one.inputs.max()
     assert many.cost >= one.cost + 998 * 2 * one.rounding
 
@@ -107,7 +111,7 @@ def test_the_rounded_walk_agrees_with_the_exact_one_within_its_bound(seed):
     assert floats is not None, why
     exact_set = in_fractions(loop, claim, floats)
     true, found = walk(loop, claim, exact_set), walk(fixed, claim, in_places(exact_set, 1 - 2.0**-40))
-    errors = enclose(fixed, claim, in_places(exact_set, 1.0), found.steps, len(found.done))
+    errors = enclose(fixed, claim, in_places(exact_set, 1.0), found.steps, Arrival.of(found.done))
     assert errors.arrives(exact_set) and errors.cost < 1e-60
     gap = abs(float(found.done.expected_cost().fraction() - true.done.expected_cost()))
     assert 0 < gap <= errors.cost or len(found.done) != len(true.done)
@@ -133,7 +137,7 @@ def test_a_contraction_too_slow_for_the_bound_is_given_up():
     claim = Regional(Box([-1.0], [1.0]), None, [[1.0]], [[1.0]], 0.9)
     terminal, why = find(PiecewiseLoop(plant, inc.without_idle_units()), claim)
     assert terminal is not None, why
-    assert enclose(loop, claim, terminal, [quiet(np.ones(1), np.ones(1))], 1).cost == np.inf
+    assert enclose(loop, claim, terminal, [quiet(np.ones(1), np.ones(1))], ends(n=1)).cost == np.inf
 
 
 def test_proofs_say_by_which_means():
@@ -154,9 +158,22 @@ def test_a_linear_scalar_loop_by_hand():
         terminal, why = find(loop, claim)
         assert terminal is not None, why
         still = replace(terminal, tail=0 * terminal.tail)
-        found = enclose(loop, claim, still, [quiet(np.array([3.0]), np.array([120.0]))], 0, 1e-60)
+        found = enclose(loop, claim, still, [quiet(np.array([3.0]), np.array([120.0]))], ends(0, 1), 1e-60)
         r = found.rounding
         assert 1.89 * r <= found.state[1][0] <= 1.92 * r
         assert least * r <= found.cost <= 1.1 * (least + 30) * r
-        longer = enclose(loop, claim, still, [quiet(np.array([30.0]), np.array([1200.0]))], 0, 1e-60)
+        longer = enclose(loop, claim, still, [quiet(np.array([30.0]), np.array([1200.0]))], ends(0, 1), 1e-60)
         assert longer.cost / longer.rounding >= 5 * least
+
+
+def test_the_tail_counts_with_where_the_pieces_arrive():
+    """Arriving at |x| = 50 with a tail cost 2 x^2, an error r changes the cost by 200 r."""
+    plant, inc = Plant([[0.5]], [[1.0]]), INC.linear([[0.0]])
+    claim = Regional(Box([-3.0], [3.0]), None, [[1.0]], [[1.0]], 0.9)
+    loop = PiecewiseLoop(plant, inc)
+    terminal, why = find(loop, claim)
+    assert terminal is not None, why
+    far = replace(terminal, tail=np.diag([2.0, 0.0]))
+    costs = [enclose(loop, claim, far, [quiet(np.ones(1), np.ones(1))], Arrival(1, np.array([x]), 1.0), 1e-60)
+             for x in (1.0, 50.0)]
+    assert costs[1].cost - costs[0].cost >= 190 * costs[1].rounding * 1.5
