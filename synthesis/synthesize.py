@@ -80,8 +80,8 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
     if best is None or not best.certified:
         notes += [f"{one.name}: {reason}" for one in history if one is not best
                   for reason in ([one.note] if one.verdict is None else one.verdict.refusals)]
-    return Result(plant, spec, best.inc if best else None, certificate, proof, run, lower, linear, tuple(history), tuple(notes),
-                  seconds, best)
+    return Result(plant, spec, best.inc if best else None, certificate, proof, run, lower, linear, tuple(history),
+                  tuple(notes), seconds, best)
 
 
 def _check(plant: Plant, spec: Spec, hidden: int, activation: Activation, kappa: float) -> None:
