@@ -9,7 +9,7 @@ import oracles
 import pytest
 
 from inc_casadi import INC, LeakyReLU, ReLU, Saturation, Tanh
-from synthesis.nlp import graph_value
+from synthesis.nlp import _Stop, _Watch, graph_value
 from synthesis.objective import Layout, Objective, flat, unflat
 from synthesis.rollout import Parameters, Scenario, gradient, hidden, roll
 from synthesis.sensitivities import gauss_newton
@@ -154,6 +154,39 @@ def test_fixed_points_are_found_near_the_norm_bound_from_any_guess(norm):
         eta, _ = hidden(task, W, r, 10 * rng.normal(size=r.shape))
         image = np.array([oracles.phi(unit, (eta @ W.T + r)[:, i]) for i, unit in enumerate(units)]).T
         assert np.max(np.abs(image - eta)) < 1e-9
+
+
+class Misleading(ReLU):
+    """A ReLU that lies about its slope, so that Newton's steps lead away."""
+
+    def derivative(self, z):
+        return np.full(np.shape(z), -5.0)
+
+
+def test_picard_takes_over_where_newton_leads_away():
+    _, task = scenario(units=(Misleading(),) * 3)
+    rng = np.random.default_rng(2)
+    W = rng.normal(size=(3, 3))
+    W *= 0.7 / np.abs(W).sum(axis=1, keepdims=True)
+    r = rng.normal(size=(20, 3))
+    eta, _ = hidden(task, W, r, np.zeros_like(r))
+    assert np.max(np.abs(np.maximum(eta @ W.T + r, 0.0) - eta)) < 1e-9
+
+
+def test_a_fixed_point_that_does_not_exist_is_not_made_up():
+    _, task = scenario(units=(ReLU(),))
+    eta, _ = hidden(task, np.array([[2.0]]), np.array([[1.0], [-1.0]]), np.zeros((2, 1)))
+    assert np.isnan(eta[0, 0]) and eta[1, 0] == 0.0
+
+
+def test_the_watch_keeps_the_best_iterate_and_not_the_last():
+    _, parameters = law()
+    layout = Layout.of(parameters, parameters, ("d",), 0.9)
+    watch = _Watch(Objective(scenario()[1], layout, 2.0), _Stop(), None)
+    for cost in (3.0, 1.0, 2.0):
+        watch.eval([ca.DM(np.full(layout.size, cost)), ca.DM(np.log1p(cost / 2.0)), ca.DM.zeros(len(layout.rows))])
+    assert watch.best[0] == 1.0
+    assert [cost for _, cost, _ in watch.history] == pytest.approx([3.0, 1.0, 2.0])
 
 
 def test_a_diverging_loop_has_an_infinite_cost_and_no_warning():

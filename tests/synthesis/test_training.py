@@ -43,6 +43,10 @@ def small(p=2):
 QUICK = {"horizon": 12, "order": 4, "max_iterations": 8}
 
 
+def posed(plant, spec, start):
+    return setup(plant, spec, start, kappa=0.9, horizon=None, order=None, anchored=True, frozen=(), terminal=None, seed=0)
+
+
 def true_cost(plant, spec, inc, order=11, steps=60):
     nodes, weights = spec.initial.quadrature(order)
     x, u = oracles.roll_out(plant, inc, nodes, steps)
@@ -132,7 +136,7 @@ def test_a_law_that_is_not_anchored_may_have_an_offset():
     plant, spec = small()
     spec = Spec(spec.Q, spec.R, spec.discount, spec.initial, Box(0.2, 1.0))
     result = train(plant, spec, random_start(plant, spec, 2, seed=1), **QUICK)
-    assert np.all(result.inc(np.zeros(2)) >= 0.2)
+    assert np.all(result.inc(np.zeros(2)) >= 0.2) and not posed(plant, spec, random_start(plant, spec, 2)).anchored
     free = train(*small(), random_start(*small(), 2, seed=1), anchored=False, **QUICK)
     assert free.inner.d.any() and abs(free.inc(np.zeros(2))[0]) > 1e-12
 
@@ -247,12 +251,21 @@ def test_nodes_fit_the_budget_and_the_mean():
 def test_the_judge_sees_other_nodes_than_training():
     plant, spec = small()
     start = random_start(plant, spec, 2)
-    problem = setup(plant, spec, start, kappa=0.9, horizon=None, order=None, anchored=True, frozen=(), terminal=None,
-                    seed=0)
+    problem = posed(plant, spec, start)
     seen = np.hstack([problem.scenario(budget).nodes for budget in (130, 400)])
     gaps = np.abs(problem._judge.nodes[:, :, None] - seen[:, None, :]).max(axis=0)
     assert gaps.min() > 1e-4
     assert problem.judge(Parameters.of(start))[0] > 0
+
+
+def test_the_work_of_a_hessian_is_bounded():
+    plant, spec = three_state()
+    sizes = []
+    for hidden in (2, 10, 14, 40):
+        problem = posed(plant, spec, random_start(plant, spec, hidden))
+        sketch = problem.sketch(problem.scenario(400))
+        sizes.append(0 if sketch is None else sketch.weights.size)
+    assert sizes[0] >= sizes[1] > sizes[2] >= sizes[3] == 0 and sizes[0] <= 130
 
 
 def test_casadi_missing(monkeypatch):
