@@ -35,32 +35,28 @@ class Verdict:
 
 
 def gate(plant: Plant, spec: Spec, inc: INC, budget: Budget | None = None) -> Verdict:
-    """Try the exact regional proof and, where input limits are built in or absent, the global LMI; keep the better.
+    """Try the exact regional proof, then, where input limits are built in or absent, the global LMI.
 
-    The optimizer that made the candidate plays no part in the verdict.
+    The former states the exact cost, so nothing can be gained from the latter when it holds. The optimizer that made
+    the candidate plays no part in the verdict.
     """
     posed = inc.well_posedness()
     if not posed.holds:
         return Verdict(None, np.inf, (), (f"well-posedness: {posed.test}",))
     proofs = [f"well posed: {posed.test}"]
-    accepted: list[tuple[Certificate, list[str]]] = []
     refusals: list[str] = []
     for attempt in (_by_pieces, _by_inequality):
-        certificate, words, why = attempt(plant, spec, inc, budget, bool(accepted))
+        certificate, words, why = attempt(plant, spec, inc, budget)
         if certificate is not None:
-            accepted.append((certificate, words))
-        elif why:
-            refusals.append(why)
-    if not accepted:
-        return Verdict(None, np.inf, tuple(proofs), tuple(refusals))
-    best, words = min(accepted, key=lambda pair: pair[0].bound)
-    return Verdict(best, best.bound, tuple(proofs + words), tuple(refusals))
+            return Verdict(certificate, certificate.bound, (*proofs, *words), tuple(refusals))
+        refusals.append(why)
+    return Verdict(None, np.inf, tuple(proofs), tuple(refusals))
 
 
 Attempted = tuple[Certificate | None, list[str], str]
 
 
-def _by_pieces(plant: Plant, spec: Spec, inc: INC, budget: Budget | None, _: bool) -> Attempted:
+def _by_pieces(plant: Plant, spec: Spec, inc: INC, budget: Budget | None) -> Attempted:
     if not isinstance(spec.initial, Uniform) or not isinstance(spec.initial.support, Box | Polytope):
         return None, [], "exact pieces: the initial distribution is not uniform over a polytope"
     claim = Regional(spec.initial, spec.inputs, spec.Q, spec.R, spec.discount)
@@ -78,11 +74,9 @@ def _by_pieces(plant: Plant, spec: Spec, inc: INC, budget: Budget | None, _: boo
     return certificate, [*words, "expected and worst cost: exact subdivision"], ""
 
 
-def _by_inequality(plant: Plant, spec: Spec, inc: INC, _: Budget | None, proved: bool) -> Attempted:
+def _by_inequality(plant: Plant, spec: Spec, inc: INC, _: Budget | None) -> Attempted:
     unstable = float(np.max(np.abs(np.linalg.eigvals(plant.A)))) >= 1
     bounded = all(np.isfinite(float(end)) for pair in output_range(inc) for end in pair)
-    if proved:
-        return None, [], ""
     if bounded and unstable:
         return None, [], "global LMI: the input is bounded, and no bounded input stabilizes this unstable plant globally"
     if spec.inputs is not None and not within_limits(inc, spec.inputs):

@@ -81,6 +81,9 @@ def test_an_iteration_that_stops_early_is_an_error_with_its_residual():
     with pytest.raises(ConvergenceError, match=r"residual .* after 3 evaluations \(picard\)"):
         solve(np.array([[0.9]]), np.array([[1.0]]), (ReLU(),), rate=0.9, weights=np.ones(1), method="picard",
               max_iterations=3)
+    with pytest.raises(ConvergenceError, match="after 150 evaluations"):  # the residual is 1e-7 by then
+        solve(np.array([[0.9]]), np.array([[1.0]]), (ReLU(),), rate=0.9, weights=np.ones(1), method="picard",
+              max_iterations=150)
 
 
 def test_feedforward_order_is_found_in_permuted_structure():
@@ -211,6 +214,8 @@ def test_idle_units_change_nothing_and_can_be_left_out():
     assert smaller.q == 5
     np.testing.assert_allclose(smaller(y), law(y), atol=1e-10)
     assert inc.without_idle_units().q == Q
+    chain = INC(np.diag([2.0, 3.0], -1), np.ones((3, 1)), [[0.0, 0.0, 1.0]], [[0.0]])
+    assert chain.without_idle_units().q == 3  # the first two are read by the third only
 
 
 def test_arrays_are_copied_and_frozen():

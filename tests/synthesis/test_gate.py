@@ -45,6 +45,13 @@ def test_smooth_units_and_unbounded_distributions_go_to_the_inequality():
     assert any("not piecewise affine" in why for why in gate(plant, uniform, law).refusals)
 
 
+def test_a_law_that_does_not_stabilize_is_refused_by_the_inequality():
+    spec = Spec([[1.0]], [[1.0]], 0.95, Gaussian([0.0], [[1.0]]))
+    verdict = gate(Plant([[0.9]], [[1.0]]), spec, INC([[0.1]], [[0.5]], [[1.0]], [[0.3]], activation=Tanh()))
+    assert not verdict.accepted and verdict.cost == np.inf
+    assert any("the relative margin -" in why for why in verdict.refusals)
+
+
 def test_an_ill_posed_candidate_is_refused_before_anything_is_evaluated():
     verdict = gate(SCALAR, LIMITED, INC([[1.5]], [[1.0]], [[1.0]], [[0.0]], activation=ReLU()))
     assert not verdict.accepted and "1.5" in verdict.refusals[0] and "well-posedness" in verdict.refusals[0]

@@ -1,5 +1,6 @@
 """The main verb: what it returns, what it refuses, and that it says so honestly."""
 
+import json
 import sys
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
@@ -41,6 +42,34 @@ def test_the_untrained_answer_is_the_proved_saturated_lqr(quick):
     assert quick.linear["best static linear gain"] == pytest.approx(3.347184, abs=1e-5)
 
 
+def test_the_answer_is_settled_rigorously(quick):
+    assert quick.proof and "256 binary places" in quick.proof.method
+    assert "all of it settled rigorously" in str(quick)
+    unsettled = replace(quick, proof=replace(quick.proof, succeeded=False, reason="no time"))
+    assert "settled" not in str(unsettled) and "checked in floating point only" in str(unsettled)
+
+
+def test_the_status_is_recomputed_and_never_remembered(quick):
+    broken = replace(quick, certificate=replace(quick.certificate, level=100 * quick.certificate.level))
+    assert broken.status == "simulation evidence" and broken.cost == np.inf
+    unproved = replace(quick, certificate=None)
+    assert unproved.status == "simulation evidence"
+    assert replace(unproved, estimate=replace(quick.estimate, excess=0.1)).status == "failed"
+    assert replace(unproved, estimate=replace(quick.estimate, mean=np.inf)).status == "failed"
+
+
+def test_the_cheapest_certified_attempt_is_taken(quick):
+    choose = sys.modules["synthesis.synthesize"]._best
+    one = quick.history[0]
+    cheap = replace(one, name="cheap", verdict=replace(one.verdict, cost=1.0))
+    bare = replace(one, name="bare", verdict=replace(one.verdict, certificate=None, cost=np.inf),
+                   estimate=replace(one.estimate, mean=0.1))
+    assert choose([one, cheap, bare]) is cheap
+    worse = replace(bare, name="worse", estimate=replace(one.estimate, mean=0.2))
+    wild = replace(bare, name="wild", estimate=replace(one.estimate, mean=0.05, excess=1.0))
+    assert choose([worse, bare, wild]) is bare and choose([]) is None
+
+
 def test_the_table_says_what_an_engineer_asks(quick):
     text = str(quick)
     for words in ("CERTIFIED", "input limits kept", "converges from every initial state", "certified expected cost",
@@ -59,6 +88,12 @@ def test_a_result_opens_again_with_its_proof_checkable(quick, tmp_path):
     text = path.read_text()
     path.write_text(text.replace('"version": 1', '"version": 7'))
     with pytest.raises(FormatError, match="version 7"):
+        load_result(path)
+    quick.save(path)
+    content = json.loads(path.read_text())
+    content["map"]["plant"]["data"]["A"]["array"][0] = 1.05
+    path.write_text(json.dumps(content))
+    with pytest.raises(FormatError, match="about another plant or controller"):
         load_result(path)
 
 

@@ -44,7 +44,8 @@ QUICK = {"horizon": 12, "order": 4, "max_iterations": 8}
 
 
 def posed(plant, spec, start):
-    return setup(plant, spec, start, kappa=0.9, horizon=None, order=None, anchored=True, frozen=(), terminal=None, seed=0)
+    return setup(plant, spec, start, kappa=0.9, horizon=None, order=None, anchored=True, frozen=(), terminal=None,
+                 seed=0)
 
 
 def true_cost(plant, spec, inc, order=11, steps=60):
