@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 
@@ -27,6 +27,7 @@ from .plant import Plant, as_plant
 
 ROUNDING = 1e-9
 LIMIT_TOLERANCE = 1e-12
+EXACT_PIECES, PROOF_SECONDS = 500, 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,7 +137,8 @@ class RegionalCertificate(Certificate):
 
         The terminal set is checked in Fractions. Then the walk is repeated with 256 binary places and a bound on all that
         rounding can do (`pieces.enclosure`); where an input touches a limit that is not built into the controller, or
-        the errors grow too large, in Fractions without any rounding, which takes long for many pieces.
+        the errors grow too large, in Fractions without any rounding, if there are at most 500 pieces. Each walk may take
+        a minute, or the certificate's budget if that is more; the first takes some thirty times as long as in floats.
 
         What is proved speaks of the simplices that the initial set lists, with their corners taken exactly as stored.
         Nothing is tried when the walk in floats has failed already.
@@ -144,12 +146,14 @@ class RegionalCertificate(Certificate):
         start = time.perf_counter()
         trouble, method = self.reason or self._exact_setting(), "exact fractions"
         if not trouble:
-            method = "256 binary places with every rounding bounded"
-            trouble = self._enclosed_trouble()
-        if trouble and not self.reason and not self._exact_setting():
-            method = "exact fractions over all pieces"
-            trouble = self._exact_trouble()
+            trouble, method = self._enclosed_trouble(), "256 binary places with every rounding bounded"
+            if trouble and self.walk is not None and len(self.walk.done) <= EXACT_PIECES:
+                trouble, method = self._exact_trouble(), "exact fractions over all pieces"
         return Proof(not trouble, method, time.perf_counter() - start, trouble)
+
+    @property
+    def _patience(self) -> Budget:
+        return replace(self.budget, seconds=max(self.budget.seconds, PROOF_SECONDS))
 
     @cached_property
     def _law(self) -> INC:
@@ -192,7 +196,7 @@ class RegionalCertificate(Certificate):
         loop = PiecewiseLoop(self.plant, self._law, "fixed")
         terminal = in_places(self._exact[1], 1 - LEVEL_ROOM)
         try:
-            found = walk(loop, self.claim, terminal, self.budget)
+            found = walk(loop, self.claim, terminal, self._patience)
         except ConvergenceError as error:
             return str(error)
         if not found.complete:
@@ -209,7 +213,7 @@ class RegionalCertificate(Certificate):
     def _exact_trouble(self) -> str:
         loop, terminal = self._exact
         try:
-            found = walk(loop, self.claim, terminal, self.budget)
+            found = walk(loop, self.claim, terminal, self._patience)
         except ConvergenceError as error:
             return str(error)
         return self._walk_trouble(found, 0.0) or self._cost_trouble(found.done.expected_cost(), found.done.worst_cost()[0])

@@ -14,6 +14,7 @@ from inc_casadi import Plant, ReLU, Spec, bounds
 from inc_casadi.activations import Activation
 from inc_casadi.arrays import number
 from inc_casadi.bounds import Bound
+from inc_casadi.certificate import Certificate, Proof
 from inc_casadi.errors import INCError, InfeasibleError, InvalidInputError, NotStabilizableError
 from inc_casadi.figures import at_least, at_most
 from inc_casadi.plant import as_plant
@@ -73,9 +74,7 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
         run = estimate(plant, best.inc, spec, seed=seed) if best and best.inc else None
     certificate = best.verdict.certificate if best and best.verdict else None
     with _phase(seconds, "rigorous proof"):
-        proof = certificate.prove() if certificate else None
-    if proof:
-        say(f"proved rigorously: {proof.method}")
+        proof = _settled(certificate, notes, say)
     seconds["in all"] = time.monotonic() - clock
     if best is None or not best.certified:
         notes += [f"{one.name}: {reason}" for one in history if one is not best
@@ -154,6 +153,18 @@ def _best(history: list[Attempt]) -> Attempt | None:
     if certified:
         return min(certified, key=lambda one: one.verdict.cost)  # type: ignore[union-attr]
     return min((one for one in history if one.estimate is not None), key=_ordeal, default=None)
+
+
+def _settled(certificate: Certificate | None, notes: list[str], say: Say) -> Proof | None:
+    if certificate is None:
+        return None
+    try:
+        proof = certificate.prove()
+    except KeyboardInterrupt:
+        notes.append("interrupted while the proof was settled rigorously: it holds in floating point")
+        return None
+    say(f"proved rigorously: {proof.method}" if proof else f"not settled rigorously: {proof.reason}")
+    return proof
 
 
 def _ordeal(one: Attempt) -> tuple[bool, bool, float]:

@@ -16,6 +16,7 @@ from ..plant import Plant
 from .fixed import ONE, PLACES, Fixed, rounded
 from .linear import identity, solve
 
+CLEAR = 1e-9  # in floats, what lies within a bound by this share of its terms certainly does
 REPAIRS, ROUNDS = 60, 8  # Newton steps on a pattern: in Fractions the last resort, in floats before solving anew
 
 
@@ -149,12 +150,14 @@ class PiecewiseLoop:
             rows = np.flatnonzero(~settled)
             distinct, which = self.distinct(patterns[rows])
             laws = self.laws(distinct)
-            z = (laws.Zx[which] @ x[rows, :, None])[:, :, 0] + laws.z0[which]
-            holds = ((z + room >= laws.low[which]) & (z - room <= laws.high[which])).all(axis=1)
+            outside = heights(laws, which, x[rows][:, None, :])[:, 0]
+            holds = (outside <= room).all(axis=1)
             settled[rows[holds]] = True
             if holds.all():
                 break
-            patterns[rows[~holds]] = self._indices(z[~holds])
+            wrong = ~holds
+            z = (laws.Zx[which[wrong]] @ x[rows[wrong], :, None])[:, :, 0] + laws.z0[which[wrong]]
+            patterns[rows[wrong]] = self._indices(z)
         return settled, patterns
 
     def distinct(self, patterns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -193,3 +196,35 @@ class PiecewiseLoop:
         out = self.numbers(np.where(np.isfinite(ends), ends, 0.0))
         out[~np.isfinite(ends)] = ends[~np.isfinite(ends)]
         return out
+
+
+def heights(laws: Laws, which: np.ndarray, points: Array) -> Array:
+    """Return how far z is beyond each bound of its piece (N, k, 2q) at points (N, k, n): positive outside.
+
+    which (N,): the law of each row. The first q bounds are the lower ends. Where the numbers are not floats, the bounds
+    that no point of a row comes near are first told apart in floats, and stand as -1: a float z is off by less than
+    1e-12 of the terms it is summed from, and only what is within by 1e-9 of them is left out.
+    """
+    if laws.z0.shape[1] == 0:
+        return np.full((*points.shape[:2], 1), -1.0)
+    if points.dtype != object:
+        return _heights(points, laws.Zx[which], laws.z0[which], laws.low[which], laws.high[which])
+    Zx, z0, low, high = (part.astype(float) for part in (laws.Zx, laws.z0, laws.low, laws.high))
+    x = points.astype(float)
+    rough = _heights(x, Zx[which], z0[which], low[which], high[which])
+    terms = np.abs(x) @ np.swapaxes(np.abs(Zx[which]), 1, 2) + np.abs(z0[which])[:, None, :]
+    ends = np.concatenate([low, high], axis=1)[which]
+    size = np.tile(terms, 2) + np.where(np.isfinite(ends), np.abs(ends), 0.0)[:, None, :]
+    rows, bound = np.nonzero((rough > -CLEAR * size).any(axis=1))
+    unit, lower = bound % z0.shape[1], bound < z0.shape[1]
+    law = which[rows]
+    z = (points[rows] @ laws.Zx[law, unit][:, :, None])[:, :, 0] + laws.z0[law, unit][:, None]
+    out = np.full(rough.shape, -1, dtype=object)
+    out[rows[lower], :, bound[lower]] = laws.low[law[lower], unit[lower]][:, None] - z[lower]
+    out[rows[~lower], :, bound[~lower]] = z[~lower] - laws.high[law[~lower], unit[~lower]][:, None]
+    return out
+
+
+def _heights(points: Array, Zx: Array, z0: Array, low: Array, high: Array) -> Array:
+    z = points @ np.swapaxes(Zx, 1, 2) + z0[:, None, :]
+    return np.concatenate([low[:, None, :] - z, z - high[:, None, :]], axis=2)

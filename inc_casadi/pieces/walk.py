@@ -15,7 +15,7 @@ from ..blocks import exact
 from ..claims.regional import Regional
 from ..sets import Box, Polytope
 from .enclosure import Step
-from .laws import Laws, PiecewiseLoop
+from .laws import Laws, PiecewiseLoop, heights
 from .simplices import Simplices, begin, cut_along, levelled
 from .terminal import TerminalSet
 
@@ -140,7 +140,7 @@ def one_pattern_each(loop: PiecewiseLoop, alive: Simplices, tags: np.ndarray, pa
     ready, cuts, depth, beyond = [], 0, 0, 0.0
     while True:
         distinct, which = loop.distinct(patterns)
-        raw = _heights(loop.laws(distinct), which, alive.now)
+        raw = heights(loop.laws(distinct), which, alive.now)
         height = np.where(np.abs(raw) <= _tolerance(loop, size), 0, raw)
         highest = height.max(axis=1)
         crossed = (highest > 0) & (height.min(axis=1) < 0)
@@ -176,14 +176,6 @@ def _tolerance(loop: PiecewiseLoop, size: Array) -> Any:
     if loop.arithmetic != "float" or size.size == 0:
         return loop.kink_tolerance
     return loop.kink_tolerance * np.tile(size, 2)
-
-
-def _heights(laws: Laws, which: np.ndarray, points: Array) -> Array:
-    """How far z is beyond each bound of its piece (N, k, 2q): positive outside."""
-    if laws.z0.shape[1] == 0:
-        return np.full((*points.shape[:2], 1), -1.0)
-    z = points @ np.swapaxes(laws.Zx[which], 1, 2) + laws.z0[which][:, None, :]
-    return np.concatenate([laws.low[which][:, None, :] - z, z - laws.high[which][:, None, :]], axis=2)
 
 
 def _moved(loop: PiecewiseLoop, claim: Regional, alive: Simplices, laws: Laws, which: np.ndarray, scale: object,

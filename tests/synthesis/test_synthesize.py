@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inc_casadi import INC, Box, Gaussian, Plant, Polytope, Spec, Tanh
+from inc_casadi import INC, Box, Gaussian, Plant, Polytope, ReLU, Spec, Tanh, bounds
 from inc_casadi.errors import (
     DimensionError,
     EmptySetError,
@@ -19,7 +19,7 @@ from inc_casadi.errors import (
     NotStabilizableError,
 )
 from synthesis import load_result, synthesize
-from synthesis.attempts import attempt
+from synthesis.attempts import attempt, plan
 from synthesis.competitors import keeps_limits
 from synthesis.gate import gate
 
@@ -134,6 +134,28 @@ def test_an_interruption_keeps_what_was_finished(monkeypatch):
     monkeypatch.setattr(module, "attempt", interrupted)
     result = synthesize(PLANT, SPEC, hidden=3, verbose=False)
     assert result.status == "certified" and any("interrupted after 1 of 3" in note for note in result.notes)
+
+
+def test_an_interruption_of_the_proof_keeps_the_result(monkeypatch):
+    def interrupted(self):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("inc_casadi.regional_certificate.RegionalCertificate.prove", interrupted)
+    result = synthesize(PLANT, SPEC, hidden=0, verbose=False)
+    assert result.status == "certified" and result.proof is None
+    assert any("while the proof was settled" in note for note in result.notes)
+
+
+def test_training_beats_the_clipped_lqr_where_it_is_not_optimal():
+    """A double integrator with |u| <= 0.5: the trained law is certified below the clipped LQR."""
+    plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.5], [1.0]])
+    spec = Spec(np.eye(2), [[0.1]], 0.95, Box([-3.0, -1.5], [3.0, 1.5]), Box([-0.5], [0.5]))
+    tasks = [task for task in plan(plant, spec, 8, ReLU(), 0.95, 0, 10.0) if task.start == "clipped LQR"]
+    start, trained = (attempt(task) for task in tasks)
+    assert start.verdict.cost == pytest.approx(14.64605, abs=1e-4)
+    assert trained.certified and trained.verdict.cost < 14.61
+    assert trained.inc.q == 9 and trained.inc.well_posedness().holds
+    assert float(bounds.any_controller(plant, spec)) < trained.verdict.cost
 
 
 def test_without_limits_the_answer_is_the_lqr():
