@@ -13,7 +13,7 @@ from inc_casadi.errors import INCError
 from .starts.static_gain import best_static_gain, scaled_lqr_gain
 
 STEPS = 200
-EXCEEDS = ", beyond the limits after the first step"
+EXCEEDS = ", limits kept at k = 0 only"
 
 
 def linear_competitors(plant: Plant, spec: Spec, seed: int, notes: list[str],

@@ -1,6 +1,7 @@
 """The regional certificate: what holds is true, what is not true is refused with its reason."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import oracles
@@ -9,6 +10,9 @@ import pytest
 from inc_casadi import INC, Box, Plant, Polytope, ReLU, Saturation, Tanh
 from inc_casadi.claims.regional import Regional
 from inc_casadi.errors import DimensionError, InvalidInputError, NotCertifiedError
+from inc_casadi.pieces.enclosure import Enclosure
+from inc_casadi.pieces.fixed import ONE, Fixed
+from inc_casadi.pieces.laws import PiecewiseLoop
 from inc_casadi.pieces.walk import Budget
 from inc_casadi.regional_certificate import certify_region
 
@@ -214,3 +218,35 @@ def test_small_and_large_units_give_the_same_proof():
         certificate = certify_region(PLANT, INC.saturated(K, size), task).require()
         assert certificate.expected == pytest.approx(1.36496190 * size**2, rel=1e-8)
         assert certificate.prove().succeeded
+
+
+def test_every_part_of_a_rigorous_proof_can_refuse(monkeypatch):
+    import inc_casadi.regional_certificate as module
+    assert saturated().prove().method.startswith("256 binary places")
+    with monkeypatch.context() as patch:
+        patch.setattr(module.exact, "contracts", lambda *_: False)
+        assert "well posed" in saturated().prove().reason
+    with monkeypatch.context() as patch:
+        patch.setattr(Enclosure, "arrives", lambda *_: False)
+        assert saturated().prove().method == "exact fractions over all pieces"
+        patch.setattr(module, "EXACT_PIECES", 0)
+        assert "rounding errors grow too large" in saturated().prove().reason
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "EXACT_PIECES", 0)
+        patch.setattr(module, "enclose", lambda *_: Enclosure(np.zeros((9, 2)), np.zeros((9, 1)), 1e-6, 0.0))
+        assert "expected cost exceeds the bound" in saturated().prove().reason
+    certificate = saturated()
+    assert "worst cost exceeds" in certificate._cost_trouble(Fraction(0), Fraction(certificate.worst_bound) + 1)
+    assert certificate._cost_trouble(Fraction(certificate.bound), Fraction(certificate.worst_bound)) == ""
+
+
+def test_a_kink_tolerance_that_is_too_coarse_proves_nothing(monkeypatch):
+    import inc_casadi.regional_certificate as module
+    monkeypatch.setattr(module, "EXACT_PIECES", 0)
+    bent = INC([[0.3]], [[1.0, 2.0]], [[0.1]], K, [0.4], [-0.04 / 0.7], ReLU()).with_saturated_output(UNIT)
+    certificate = certify_region(PLANT, bent, claim())
+    assert certificate.holds() and certificate.prove()
+    coarse = replace(certificate)
+    assert coarse.holds()  # the walk in floats is done with the fine tolerance
+    monkeypatch.setattr(PiecewiseLoop, "kink_tolerance", Fixed(ONE // 100))
+    assert "rounding errors grow too large" in coarse.prove().reason

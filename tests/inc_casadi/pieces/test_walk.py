@@ -284,3 +284,21 @@ def test_progress_is_told_step_by_step():
     heard = []
     found = walk(loop, claim, find(loop, claim)[0], progress=lambda step, alive: heard.append((step, alive)))
     assert [step for step, _ in heard] == list(range(found.arrival.max() + 1)) and heard[-1][1] == 0
+
+
+def test_steps_tell_what_an_error_bound_needs():
+    """x+ = 1.5 x - sat(1.5 x) on [-1, 1]: both kinks at 2/3 cut the interval, one after the other; |u| reaches 1."""
+    found = follow(Plant([[1.5]], [[1.0]]), INC.saturated([[-1.5]], 1.0),
+                   Regional(Box([-1.0], [1.0]), Box([-1.25], [1.25]), [[1.0]], [[0.0]], 0.9))
+    first = found.steps[0]
+    assert first.rounds == 2 and first.pieces == len(found.done) == 3 and first.beyond == 0.0
+    assert first.x.tolist() == [1.0] and first.u == pytest.approx([1.0]) and float(first.slack) == pytest.approx(0.25)
+    assert first.largest >= 1.5
+
+
+def test_a_tolerance_is_paid_for_in_what_steps_tell(monkeypatch):
+    """With kinks of 0.4 tolerance [-1, 1] is not cut, and z = 1.5 lies 0.5 beyond its piece of the first law."""
+    monkeypatch.setattr(PiecewiseLoop, "kink_tolerance", 0.4)
+    found = follow(Plant([[1.5]], [[1.0]]), INC.saturated([[-1.5]], 1.0),
+                   Regional(Box([-1.0], [1.0]), None, [[1.0]], [[0.0]], 0.9))
+    assert len(found.done) == 1 and found.steps[0].beyond == pytest.approx(0.5)
