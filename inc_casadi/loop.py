@@ -123,7 +123,7 @@ def equilibrium(plant: Plant, inc: INC, *, tolerance: float = 1e-10) -> Equilibr
     >>> equilibrium(Plant([[0.5]], [[1.0]]), INC(np.zeros((0, 0)), [], [], [[0.0]], d=[1.0])).x.round(9).tolist()
     [2.0]
     """
-    close_loop(plant, inc)
+    plant = close_loop(plant, inc).plant
     shift = plant.A - np.eye(plant.n) if plant.discrete else plant.A
     x = np.zeros(plant.n)
     gap = shift @ x + plant.B @ inc(plant.C @ x)
