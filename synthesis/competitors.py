@@ -39,7 +39,7 @@ def linear_competitors(plant: Plant, spec: Spec, seed: int, notes: list[str],
 
 
 def keeps_limits(plant: Plant, spec: Spec, F: Array) -> bool:
-    """Whether u = F y keeps the limits for 200 steps from every initial state: u_k is linear in x0, vertices decide.
+    """Whether u = F y keeps the limits for 200 steps from every initial state: H u_k is linear in x0, supports decide.
 
     >>> from inc_casadi import Box
     >>> spec = Spec([[1.0]], [[0.0]], 0.9, Box([-1.0], [1.0]), Box([-1.0], [1.0]))
@@ -49,10 +49,11 @@ def keeps_limits(plant: Plant, spec: Spec, F: Array) -> bool:
     if spec.inputs is None:
         return True
     H, h = spec.inputs.H, spec.inputs.h
-    x = spec.initial.vertices
+    region, power = spec.initial.support, np.eye(plant.n)
     for _ in range(STEPS):
-        u = F @ plant.C @ x
-        if np.any(H @ u > h[:, None] + 1e-9 * np.maximum(1.0, np.abs(h))[:, None]):
+        rows = H @ F @ plant.C @ power
+        reach = (rows @ spec.initial.vertices).max(axis=1) if region is None else region.support(rows.T)
+        if np.any(reach > h + 1e-9 * np.maximum(1.0, np.abs(h))):
             return False
-        x = plant.A @ x + plant.B @ u
+        power = (plant.A + plant.B @ F @ plant.C) @ power
     return True

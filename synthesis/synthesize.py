@@ -158,6 +158,7 @@ def _best(history: list[Attempt]) -> Attempt | None:
 def _settled(certificate: Certificate | None, notes: list[str], say: Say) -> Proof | None:
     if certificate is None:
         return None
+    say("settling the proof rigorously")
     try:
         proof = certificate.prove()
     except KeyboardInterrupt:

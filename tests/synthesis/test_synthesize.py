@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from inc_casadi import INC, Box, Gaussian, Plant, Polytope, ReLU, Spec, Tanh, bounds
+from inc_casadi import INC, Box, Ellipsoid, Gaussian, Plant, Polytope, ReLU, Spec, Tanh, bounds
 from inc_casadi.errors import (
     DimensionError,
     EmptySetError,
@@ -112,6 +112,16 @@ def test_a_linear_gain_that_exceeds_the_limits_later_is_told_apart():
     assert not keeps_limits(plant, spec, np.array([[-1.0, -0.4]]))
     small = Spec(np.eye(2), [[0.001]], 0.95, Box([-0.01, -0.1], [0.01, 0.1]), Box([-0.5], [0.5]))
     assert keeps_limits(plant, small, np.array([[-0.5, -1.0]]))
+    ball = Spec(np.eye(2), [[0.001]], 0.95, Ellipsoid(np.eye(2) / 0.01), Box([-0.5], [0.5]))
+    assert keeps_limits(plant, ball, np.array([[-0.5, -1.0]])) and not keeps_limits(plant, ball, np.array([[0.0, -5.1]]))
+
+
+def test_an_ellipsoid_of_starting_points_is_simulated_and_bounded_but_not_cut():
+    spec = Spec(np.eye(2), [[0.05]], 0.98, Ellipsoid(4 * np.eye(2)), Box([-1.0], [1.0]))
+    result = synthesize(PLANT, spec, hidden=0, verbose=False)
+    assert result.status == "simulation evidence"
+    assert any("not uniform over a polytope" in why for why in result.chosen.verdict.refusals)
+    assert float(result.bounds["any controller"]) < result.estimate.mean + 4 * result.estimate.standard_error
 
 
 def test_progress_is_printed_only_when_asked(capsys):
