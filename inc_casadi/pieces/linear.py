@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 
 from ..arrays import Array
+from ..exact import is_positive_definite
 
 
 def solve(A: Array, B: Array) -> Array:
@@ -64,20 +65,13 @@ def discounted_lyapunov(A: Array, M: Array, discount: float = 1.0) -> Array:
 def positive_definite(M: Array) -> bool:
     """Whether a symmetric matrix is positive definite: exactly for Fractions, beyond rounding for floats.
 
-    In Fractions by the signs of the pivots of symmetric elimination. In floats the smallest eigenvalue must exceed
-    4 n eps times the largest, more than the error of computing it.
+    In floats the smallest eigenvalue must exceed 4 n eps times the largest, more than the error of computing it.
 
     >>> positive_definite(np.eye(2)), positive_definite(np.ones((2, 2)))
     (True, False)
     """
+    if M.dtype == object:
+        return is_positive_definite(M)
     n = M.shape[0]
-    if M.dtype != object:
-        values = np.linalg.eigvalsh((M + M.T) / 2) if n else np.ones(1)
-        return bool(values[0] > 4 * n * np.finfo(float).eps * abs(values[-1]))
-    table = M.copy()
-    for k in range(n):
-        if not table[k, k] > 0:
-            return False
-        factor = table[k + 1:, k] / table[k, k]
-        table[k + 1:, k + 1:] = table[k + 1:, k + 1:] - factor[:, None] * table[k, k + 1:][None, :]
-    return True
+    values = np.linalg.eigvalsh((M + M.T) / 2) if n else np.ones(1)
+    return bool(values[0] > 4 * n * np.finfo(float).eps * abs(values[-1]))
