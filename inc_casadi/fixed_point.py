@@ -51,7 +51,7 @@ def solve(W: Array, c: Array, units: Units, *, rate: float, weights: Array, meth
           tolerance: float = TOLERANCE, max_iterations: int = 100_000) -> FixedPoint:
     """Return the fixed points of eta = phi(W eta + c) for columns c (q, N).
 
-    "auto" takes one pass when W is feedforward, else "newton"; "picard" iterates from zero. Both converge for
+    "auto" takes one pass when W is feedforward, else the cheaper of "newton" and "picard", which iterates from zero. Both converge for
     every W with `rate` < 1, the contraction rate in the norm max_i |eta_i| / weights_i (thm:wellposed): a column that
     20 full Newton steps did not solve (none was ever seen) goes on with safeguarded ones, where Newton's step is taken
     only if it shrinks the residual nearly as much as a Picard step must, and a Picard step otherwise.
@@ -67,6 +67,8 @@ def solve(W: Array, c: Array, units: Units, *, rate: float, weights: Array, meth
     if method not in ("auto", "picard", "newton"):
         raise InvalidInputError(f"method is {method!r}, but must be 'auto', 'picard' or 'newton'")
     levels = feedforward_levels(W) if method == "auto" else None
+    if method == "auto":
+        method = "picard" if _picard_is_cheaper(c.shape, rate, tolerance) else "newton"
     if levels is not None:
         eta, iterations, name = _one_pass(W, c, units, levels), 1, "feedforward"
     elif method == "picard":
@@ -76,6 +78,17 @@ def solve(W: Array, c: Array, units: Units, *, rate: float, weights: Array, meth
         eta, iterations = _newton(W, c, units, rate, weights, tolerance)
         name = "newton"
     return _checked(W, c, units, eta, iterations, name, tolerance)
+
+
+def _picard_is_cheaper(shape: tuple[int, ...], rate: float, tolerance: float) -> bool:
+    """Whether Picard's log(tolerance) / log(rate) products with W cost less than Newton's half dozen factorizations.
+
+    For few columns the calls themselves cost more than the arithmetic, and Newton makes fewer.
+    """
+    q, count = shape
+    if count < 8 or rate >= 1.0:
+        return False
+    return bool(np.log(tolerance) / np.log(max(rate, 1e-3)) < 2 * q)
 
 
 def _one_pass(W: Array, c: Array, units: Units, levels: list[np.ndarray]) -> Array:

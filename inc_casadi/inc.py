@@ -196,7 +196,7 @@ class INC:
     def solve(self, y: ArrayLike, method: str = "auto") -> fixed_point.FixedPoint:
         """Return the hidden fixed points of points y, (p,) or (p, N), with residual and iteration count.
 
-        method: "auto" (one pass when W is feedforward, else safeguarded Newton), "picard" or "newton".
+        method: "auto" (one pass when W is feedforward, else the cheaper one), "picard" or "newton" (safeguarded).
         Raises NotWellPosedError when the fixed point is not proved unique, ConvergenceError on a residual too large.
         """
         points, _ = columns("y", y, self.p)

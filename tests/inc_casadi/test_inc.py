@@ -54,6 +54,17 @@ def test_each_method_states_a_residual_that_is_true(method):
     assert found.residual < 1e-11
 
 
+def test_the_cheaper_method_is_taken_and_does_not_show_in_the_answer():
+    rng = np.random.default_rng(11)
+    W = rng.standard_normal((60, 60))
+    W *= 0.5 / np.abs(W).sum(axis=1, keepdims=True)
+    inc = INC(W, rng.standard_normal((60, 2)), rng.standard_normal((1, 60)), [[0.0, 0.0]], rng.standard_normal(60))
+    y = rng.standard_normal((2, 40))
+    assert inc.solve(y).method == "picard" and inc.solve(y[:, 0]).method == "newton"
+    assert draw(0, 0.95).solve(rng.standard_normal((P, 40))).method == "newton"
+    np.testing.assert_allclose(inc(y)[:, 0], inc(y[:, 0]), atol=1e-9)
+
+
 def test_newton_reaches_fixed_points_where_the_contraction_is_slow():
     rng = np.random.default_rng(3)
     W = np.roll(np.eye(9), 1, axis=1) * 0.999
