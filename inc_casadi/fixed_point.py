@@ -51,10 +51,10 @@ def solve(W: Array, c: Array, units: Units, *, rate: float, weights: Array, meth
           tolerance: float = TOLERANCE, max_iterations: int = 100_000) -> FixedPoint:
     """Return the fixed points of eta = phi(W eta + c) for columns c (q, N).
 
-    "auto" takes one pass when W is feedforward, else the cheaper of "newton" and "picard", which iterates from zero. Both converge for
-    every W with `rate` < 1, the contraction rate in the norm max_i |eta_i| / weights_i (thm:wellposed): a column that
-    20 full Newton steps did not solve (none was ever seen) goes on with safeguarded ones, where Newton's step is taken
-    only if it shrinks the residual nearly as much as a Picard step must, and a Picard step otherwise.
+    "auto" takes one pass when W is feedforward, else the cheaper of "newton" and "picard", which iterates from zero. Both
+    converge for every W with `rate` < 1, the contraction rate in the norm max_i |eta_i| / weights_i (thm:wellposed): a
+    column that 20 full Newton steps did not solve (none was ever seen) goes on with safeguarded ones, where Newton's step
+    is taken only if it shrinks the residual nearly as much as a Picard step must, and a Picard step otherwise.
 
     The tolerance is relative to the size of (eta, c) in each column, and at least absolute for columns below 1.
     Raises ConvergenceError with the residual, InvalidInputError for an unknown method.
