@@ -32,7 +32,7 @@ def matrix(name: str, value: ArrayLike, shape: tuple[int | None, int | None] = (
     if not fits:
         wanted = " x ".join("any" if s is None else str(s) for s in shape)
         raise DimensionError(f"{name} has shape {array.shape}, but must be a matrix of {wanted}")
-    return _frozen(array)
+    return frozen(array)
 
 
 def vector(name: str, value: ArrayLike, size: int | None = None) -> Array:
@@ -45,7 +45,7 @@ def vector(name: str, value: ArrayLike, size: int | None = None) -> Array:
     if array.ndim != 1 or (size is not None and array.size != size):
         wanted = "any size" if size is None else f"size {size}"
         raise DimensionError(f"{name} has shape {array.shape}, but must be a vector of {wanted}")
-    return _frozen(array)
+    return frozen(array)
 
 
 def columns(name: str, value: ArrayLike, rows: int) -> tuple[Array, bool]:
@@ -85,7 +85,7 @@ def symmetric(name: str, value: ArrayLike, size: int | None = None, definite: st
         if smallest < -1e-12 * scale or (definite == "strict" and smallest <= 1e-14 * scale):
             kind = "positive definite" if definite == "strict" else "positive semidefinite"
             raise InvalidInputError(f"{name} must be {kind}, but its smallest eigenvalue is {smallest:.6g}")
-    return _frozen(array)
+    return frozen(array)
 
 
 def number(name: str, value: float, low: float = -np.inf, high: float = np.inf, *, open_low: bool = False,
@@ -117,6 +117,11 @@ def _finite(name: str, value: ArrayLike) -> Array:
     return array
 
 
-def _frozen(array: Array) -> Array:
+def frozen(array: Array) -> Array:
+    """Return the array made read-only.
+
+    >>> frozen(np.zeros(2)).flags.writeable
+    False
+    """
     array.setflags(write=False)
     return array

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .activations.stack import derivative, sectors, slopes
+from .activations.stack import sectors, slopes
 from .arrays import Array
 from .blocks import exact, hstack
 from .errors import DimensionError, NoEquilibriumError
@@ -146,9 +146,3 @@ def equilibrium(plant: Plant, inc: INC, *, tolerance: float = 1e-10) -> Equilibr
     y = plant.C @ x
     eta = inc.hidden(y)
     return Equilibrium(x, inc(y), y, inc.W @ eta + inc.U @ y + inc.b, eta, worst)
-
-
-def local_gain(inc: INC, at: Equilibrium) -> Array:
-    """Return du/dy at an equilibrium (m, p): the linear law that the controller is nearby."""
-    slope = derivative(inc.activations, at.z[:, None])[:, 0]
-    return inc.K + inc.V @ np.linalg.solve(np.eye(inc.q) - slope[:, None] * inc.W, slope[:, None] * inc.U)

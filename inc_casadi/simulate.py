@@ -41,7 +41,7 @@ class Trajectory:
             raise InvalidInputError("the discounted cost is a sum over steps: sample the plant first, plant.sampled(dt)")
         Q = symmetric("Q", Q, self.x.shape[0])
         R = symmetric("R", R, self.u.shape[0])
-        stage = _quadratic(Q, self.x) + _quadratic(R, self.u)
+        stage = quadratic(Q, self.x) + quadratic(R, self.u)
         return stage @ number("discount", discount, 0.0, 1.0, open_low=True) ** np.arange(self.t.size)
 
 
@@ -112,5 +112,10 @@ def _continuous(plant: Plant, inc: INC, start: Array, instants: Array) -> tuple[
     return instants, run.y.reshape(*shape, -1)
 
 
-def _quadratic(weight: Array, points: Array) -> Array:
-    return np.einsum("i...,ij,j...->...", points, weight, points)
+def quadratic(weight: Array, points: Array) -> Array:
+    """Return x' weight x for each column x of points (n, ...).
+
+    >>> quadratic(np.diag([1.0, 2.0]), np.array([[1.0, 0.0], [1.0, 3.0]])).tolist()
+    [3.0, 18.0]
+    """
+    return np.sum(points * np.tensordot(weight, points, axes=1), axis=0)

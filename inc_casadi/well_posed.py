@@ -57,7 +57,7 @@ def perron_frobenius(W: Array, U: Array, V: Array, K: Array, slope: Array) -> We
     M = slope[:, None] * np.abs(W)
     radius = float(np.max(np.abs(np.linalg.eigvals(M)), initial=0.0))
     norm = float(np.max(M.sum(axis=1), initial=0.0))
-    weights, rate = _contraction_weights(M)
+    weights, rate = _contraction_weights(M, radius)
     hidden = np.full((q, p), np.inf)
     if rate < 1.0:
         hidden = np.linalg.solve(np.eye(q) - M, slope[:, None] * np.abs(U))
@@ -65,12 +65,11 @@ def perron_frobenius(W: Array, U: Array, V: Array, K: Array, slope: Array) -> We
     return WellPosedness(radius, norm, weights, rate, hidden, outer)
 
 
-def _contraction_weights(M: Array) -> tuple[Array, float]:
+def _contraction_weights(M: Array, radius: float) -> tuple[Array, float]:
     """Weights v > 0 that make max (M v)_i / v_i small: v = (c I - M)^{-1} 1 with c just above lambda_pf(M)."""
     q = M.shape[0]
     if q == 0:
         return np.ones(0), 0.0
-    radius = float(np.max(np.abs(np.linalg.eigvals(M)), initial=0.0))
     best = np.ones(q), float(M.sum(axis=1).max())
     for level in (radius + 1e-3 * (1.0 - radius), 0.5 * (1.0 + radius), 1.0):
         if level <= radius or radius >= 1.0:

@@ -8,6 +8,7 @@ import numpy as np
 
 from inc_casadi import INC, Plant, Spec
 from inc_casadi.arrays import Array
+from inc_casadi.simulate import quadratic
 
 DIVERGED = 1e8
 NEGLIGIBLE = 1e-10
@@ -52,7 +53,7 @@ def estimate(plant: Plant, inc: INC, spec: Spec, *, samples: int = 20_000, seed:
         u = inc(plant.C @ x)
         if spec.inputs is not None:
             excess = max(excess, float(np.max(spec.inputs.H @ u - spec.inputs.h[:, None])))
-        stage = weight * (_quadratic(spec.Q, x) + _quadratic(spec.R, u))
+        stage = weight * (quadratic(spec.Q, x) + quadratic(spec.R, u))
         total += stage
         x = plant.A @ x + plant.B @ u
         weight *= spec.discount
@@ -76,7 +77,3 @@ def _comes_to_rest(plant: Plant, inc: INC, x: Array, size: float, steps: int) ->
             return True
         x = after
     return False
-
-
-def _quadratic(weight: Array, points: Array) -> Array:
-    return np.sum(points * (weight @ points), axis=0)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array
+from ..arrays import Array, frozen
 
 
 class Set(ABC):
@@ -103,13 +103,3 @@ class Distribution(ABC):
     @abstractmethod
     def quadrature(self, order: int) -> tuple[Array, Array]:
         """Return nodes (n, N) and positive weights (N,) of sum 1 with E[f(x)] close to sum_i weights_i f(nodes_i)."""
-
-
-def frozen(array: np.ndarray) -> Array:
-    """Return the array made read-only.
-
-    >>> frozen(np.zeros(2)).flags.writeable
-    False
-    """
-    array.setflags(write=False)
-    return array

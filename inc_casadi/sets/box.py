@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, columns, vector
+from ..arrays import Array, columns, frozen, vector
 from ..errors import EmptySetError, InvalidInputError
 from . import rules, simplex
-from .base import Set, frozen
+from .base import Set
 
 MOST_CORNERS, MOST_SIMPLICES = 20, 8  # dimensions up to which 2^n corners and n! simplices are listed
 

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, columns, number, symmetric, vector
+from ..arrays import Array, columns, frozen, number, symmetric, vector
 from ..errors import DimensionError, InvalidInputError
 from . import rules
-from .base import Set, frozen
+from .base import Set
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, matrix, vector
+from ..arrays import Array, frozen, matrix, vector
 from ..errors import DimensionError, EmptySetError, InvalidInputError
 from . import rules
-from .base import Distribution, frozen
+from .base import Distribution
 from .polytope import Polytope
 
 NORMALIZED = 1e-14

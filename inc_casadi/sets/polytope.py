@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..arrays import Array, columns, matrix, vector
+from ..arrays import Array, columns, frozen, matrix, vector
 from ..errors import DimensionError, EmptySetError, SolverError
 from . import halfspaces, rules, simplex
-from .base import Set, frozen
+from .base import Set
 
 
 @dataclass(frozen=True, eq=False)

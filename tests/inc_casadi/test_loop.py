@@ -7,7 +7,6 @@ import pytest
 
 from inc_casadi import INC, LeakyReLU, Logistic, Plant, ReLU, Saturation, Tanh, close_loop, equilibrium
 from inc_casadi.errors import DimensionError, NoEquilibriumError
-from inc_casadi.loop import local_gain
 
 N, M, P, Q = 4, 2, 3, 5
 
@@ -84,7 +83,7 @@ def test_continuous_equilibrium_and_local_gain_by_hand():
     assert rest.x[0] == 0
     biased = INC(np.zeros((1, 1)), [[1.0]], [[1.0]], [[0.0]], b=[3.0], activation=ReLU())
     rest = equilibrium(plant, biased)
-    assert rest.x[0] == pytest.approx(3.0) and local_gain(biased, rest)[0, 0] == 1.0
+    assert rest.x[0] == pytest.approx(3.0) and biased.jacobian(rest.y)[0, 0] == 1.0
 
 
 def test_a_loop_without_equilibrium_says_so():
