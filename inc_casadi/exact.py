@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from fractions import Fraction
-from math import lcm
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import numpy as np
 from .arrays import Array
 from .blocks import exact
 from .errors import InvalidInputError
+from .integers import characteristic, over_common_denominator, product
 
 WITNESS_BITS = 54
 
@@ -23,10 +23,12 @@ def is_positive_definite(matrix: Any) -> bool:
     * a 2 x 2 minor with M_ii <= 0 or M_ij^2 >= M_ii M_jj refuses;
     * an integer matrix L with M - L L' strictly diagonally dominant, diagonal positive, accepts, since L L' >= 0;
     * an integer vector x != 0 with x'M x <= 0 refuses;
-    * the leading minors by Bareiss' fraction-free elimination decide what is left (Sylvester's criterion).
+    * the leading minors by Bareiss' fraction-free elimination decide what is left (Sylvester's criterion), or, where
+      python-flint is installed, the signs of the characteristic polynomial.
 
-    Floating point only proposes L and x; every verdict rests on integers. Raises InvalidInputError for a float entry
-    or a matrix that is not symmetric.
+    Floating point only proposes L and x; every verdict rests on integers. python-flint (the extra `exact`) also does the
+    products then, faster and with the same results. Raises InvalidInputError for a float entry or a matrix that is not
+    symmetric.
 
     >>> is_positive_definite(exact(np.array([[2.0, 1.0], [1.0, 1.0]])))
     True
@@ -45,7 +47,7 @@ def is_positive_definite(matrix: Any) -> bool:
             return True
         if smallest <= 0 and _is_descent(numbers, vector):
             return False
-    return _bareiss(numbers)
+    return _signs_decide(numbers)
 
 
 def is_nonnegative(array: Any) -> bool:
@@ -108,28 +110,23 @@ def _integers(matrix: Any) -> tuple[np.ndarray, int]:
     size = matrix.shape[0]
     if matrix.shape != (size, size):
         raise InvalidInputError(f"a matrix inequality needs a square matrix, but the shape is {matrix.shape}")
-    rows = [[_rational(entry) for entry in row] for row in matrix]
-    if any(rows[i][j] != rows[j][i] for i in range(size) for j in range(i)):
+    numbers, common = over_common_denominator(
+        np.array([_rational(entry) for entry in matrix.flat], dtype=object).reshape(size, size))
+    if np.any(numbers != numbers.T):
         raise InvalidInputError("a matrix inequality needs a symmetric matrix")
-    shift = [_half_log(rows[i][i]) for i in range(size)]
-    scaled = [[_shifted(rows[i][j], -shift[i] - shift[j]) for j in range(i + 1)] for i in range(size)]
-    common = lcm(*(entry.denominator for row in scaled for entry in row))
-    numbers = np.empty((size, size), dtype=object)
-    for i in range(size):
-        for j in range(i + 1):
-            entry = scaled[i][j]
-            numbers[i, j] = numbers[j, i] = entry.numerator * (common // entry.denominator)
-    return numbers, common
+    half = [(entry.bit_length() - common.bit_length()) // 2 if entry > 0 else 0 for entry in np.diag(numbers)]
+    top = max(half, default=0)
+    left = np.array([top - power for power in half], dtype=object)
+    numbers = numbers << (left[:, None] + left[None, :] + max(0, -2 * top))
+    return _without_common_twos(numbers, common << max(0, 2 * top))
 
 
-def _half_log(value: Fraction | int) -> int:
-    if value <= 0:
-        return 0
-    return (value.numerator.bit_length() - value.denominator.bit_length()) // 2
-
-
-def _shifted(value: Fraction | int, power: int) -> Fraction:
-    return Fraction(value) * (Fraction(1 << power) if power >= 0 else Fraction(1, 1 << -power))
+def _without_common_twos(numbers: np.ndarray, scale: int) -> tuple[np.ndarray, int]:
+    bits = scale
+    for entry in numbers.flat:
+        bits |= entry
+    spare = (bits & -bits).bit_length() - 1
+    return numbers >> spare, scale >> spare
 
 
 def _small_minor_fails(numbers: np.ndarray) -> bool:
@@ -157,14 +154,13 @@ def _float_eigenvectors(numbers: np.ndarray, scale: int) -> tuple[float, Array, 
 def _fixed_point(array: Array, bits: int) -> np.ndarray:
     """Return round(array 2^bits) as Python integers; any integers would do, these are close."""
     out = np.empty(array.shape, dtype=object)
-    for index, entry in np.ndenumerate(array):
-        out[index] = round(Fraction(float(entry)) * (1 << bits))
+    out.ravel()[:] = [int(entry) for entry in np.rint(np.ldexp(array, bits)).ravel()]
     return out
 
 
 def _dominant_remainder(numbers: np.ndarray, scale: int, factor: Array) -> bool:
     L = _fixed_point(factor, WITNESS_BITS)
-    remainder = numbers * (1 << 2 * WITNESS_BITS) - scale * (L @ L.T)
+    remainder = numbers * (1 << 2 * WITNESS_BITS) - scale * product(L, L.T)
     magnitude = np.abs(remainder)
     diagonal = np.diag(remainder)
     return bool(np.all(diagonal > 0) and np.all(2 * diagonal > magnitude.sum(axis=1)))
@@ -173,6 +169,19 @@ def _dominant_remainder(numbers: np.ndarray, scale: int, factor: Array) -> bool:
 def _is_descent(numbers: np.ndarray, vector: Array) -> bool:
     x = _fixed_point(vector, WITNESS_BITS)
     return bool(np.any(x != 0) and x @ numbers @ x <= 0)
+
+
+def _signs_decide(numbers: np.ndarray) -> bool:
+    """Definiteness of a symmetric integer matrix without any proposal.
+
+    All N roots of det(t I - M) are real. They are positive if and only if the coefficients c_N = 1, c_{N-1}, ..., c_0
+    alternate in sign without a zero: (-1)^k c_{N-k} is the sum of the principal minors of order k, positive when M > 0;
+    and if all of them are positive, no t <= 0 is a root.
+    """
+    coefficients = characteristic(numbers)
+    if coefficients is None:
+        return _bareiss(numbers)
+    return all((-1) ** k * entry > 0 for k, entry in enumerate(reversed(coefficients)))
 
 
 def _bareiss(numbers: np.ndarray) -> bool:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from ..activations.stack import lipschitz
+from ..activations.stack import lipschitz, slopes
 from ..arrays import Array
 from ..claims.regional import Regional
+from ..well_posed import error_from_residual
 from .fixed import RESOLUTION
 from .laws import PiecewiseLoop
 from .simplices import Simplices
@@ -95,9 +96,11 @@ def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: 
       does not matter: that share of the edge defines the cut of the starting points too;
     * the law used is the exact law of its pattern up to r, and every z lies in its piece up to t = beyond + r. The law's
       eta then solves eta = phi(z) up to 2 S t, S the largest slopes, because phi departs from the piece's line by at
-      most its change of slope times t. With S|W| v <= rate v, the true eta at the same point is within
-      v max_i(2 S_i t / v_i) / (1 - rate) of it (contraction of thm:wellposed);
-    * the controller answers a state error E' by at most |K||C|E' + |V| v max_i((S|U||C|E')_i / v_i) / (1 - rate).
+      most its change of slope times t. The true eta at the same point is within e(2 S t) of it, where e bounds the error
+      that a residual leaves (`error_from_residual`): v max_i(2 S_i t / v_i) / (1 - rate) if S|W| v <= rate v, by the
+      contraction of thm:wellposed; under a multiplier T what its strong monotonicity allows;
+    * the true eta at a point off by E' solves the equation of this point up to S|U||C|E', so the controller answers a state
+      error E' by at most |K||C|E' + |V| e(S|U||C|E').
 
     Both together bound the error of u, and E+ = |A| E' + |B| error(u) + r. A quadratic x'Q x changes by at most
     2 |x|'|Q|E + E'|Q|E; weights, cost forms and powers of the discount are off by r for each rounding that made them. All
@@ -106,14 +109,13 @@ def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: 
     plant, inc = loop.plant, loop.inc
     A, B, C = np.abs(plant.A), np.abs(plant.B), np.abs(plant.C)
     U, V, K, S = np.abs(inc.U), np.abs(inc.V), np.abs(inc.K), lipschitz(inc.activations)
-    test = inc.well_posedness()
-    room = 1.0 - GUARD * test.rate
-    if room <= 0:
+    test, ends = inc.well_posedness(), slopes(inc.activations)
+    if not np.all(np.isfinite(error_from_residual(test, inc.W, ends, S, GUARD))):
         return Enclosure(np.full((len(steps) + 1, plant.n), np.inf), np.full((len(steps), plant.m), np.inf), np.inf, np.inf)
     r = _rounding(loop, claim, terminal, steps, arrival, resolution)
 
     def hidden(residual: Array) -> Array:
-        return GUARD * test.weights * np.max(residual / test.weights, initial=0.0) / room
+        return error_from_residual(test, inc.W, ends, residual, GUARD)
 
     E, cost = np.full(plant.n, r), 0.0
     state, inputs = [E], []

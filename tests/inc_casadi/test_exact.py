@@ -1,5 +1,6 @@
 """Exact verdicts against determinants by hand, on the edge, and where floating point is wrong."""
 
+import sys
 import time
 from fractions import Fraction
 from itertools import permutations
@@ -10,6 +11,16 @@ import pytest
 from inc_casadi import exact
 from inc_casadi.blocks import exact as fractions
 from inc_casadi.errors import InvalidInputError
+
+
+@pytest.fixture(params=["python", "flint"], autouse=True)
+def arithmetic(request, monkeypatch):
+    """Every verdict is asked for twice: with python-flint out of reach, and with it where it is installed."""
+    if request.param == "python":
+        monkeypatch.setitem(sys.modules, "flint", None)
+    else:
+        pytest.importorskip("flint")
+    return request.param
 
 
 def determinant(rows):
@@ -71,7 +82,9 @@ def test_entries_of_wild_size():
 
 def test_each_way_to_a_verdict_is_right_by_itself():
     whole = np.array([[4, 2, 0], [2, 5, 1], [0, 1, 3]], dtype=object)
-    assert exact._bareiss(whole) and not exact._bareiss(whole - 2 * np.eye(3, dtype=int).astype(object))
+    for decide in (exact._bareiss, exact._signs_decide):
+        assert decide(whole) and not decide(whole - 2 * np.eye(3, dtype=int).astype(object)) and not decide(-whole)
+        assert not decide(np.array([[1, 1], [1, 1]], dtype=object)) and not decide(-np.eye(2, dtype=int).astype(object))
     factor = np.linalg.cholesky(whole.astype(float) - 0.5 * np.eye(3))
     assert exact._dominant_remainder(whole, 1, factor)
     assert not exact._dominant_remainder(whole, 1, 1.2 * factor)
@@ -81,6 +94,35 @@ def test_each_way_to_a_verdict_is_right_by_itself():
     assert not exact._is_descent(whole, np.array([1.0, 0.0, 0.0]))
     assert exact._is_descent(-whole, np.array([1.0, 0.0, 0.0]))
     assert not exact._is_descent(-whole, np.zeros(3))
+
+
+def test_without_a_proposal_the_signs_decide(monkeypatch):
+    monkeypatch.setattr(exact, "_float_eigenvectors", lambda numbers, scale: None)
+    rng = np.random.default_rng(45)
+    verdicts = []
+    for _ in range(60):
+        size = int(rng.integers(1, 6))
+        root = rng.integers(-3, 4, size=(size, size)).astype(object)
+        matrix = root @ root.T - int(rng.integers(0, 2)) * np.diag(np.arange(size)).astype(object)
+        verdicts.append(sylvester(matrix))
+        assert exact.is_positive_definite(matrix) == verdicts[-1]
+    assert 10 < sum(verdicts) < 50
+
+
+def test_the_scaled_integers_are_the_matrix_up_to_a_congruence(arithmetic):
+    rng = np.random.default_rng(46)
+    root = rng.normal(size=(5, 5)) * 10.0 ** rng.uniform(-100, 100, size=5)[:, None]
+    matrix = fractions(np.tril(root @ root.T) + np.tril(root @ root.T, -1).T)
+    for shifted in (matrix, matrix * Fraction(2) ** 3000, matrix / Fraction(2) ** 3000, matrix / Fraction(7) ** 50, -matrix):
+        numbers, scale = exact._integers(shifted)
+        for i in range(5):
+            ratio = Fraction(numbers[i, i], scale) / shifted[i, i]
+            power = ratio.numerator.bit_length() - ratio.denominator.bit_length()
+            assert ratio == Fraction(2) ** power and (shifted[i, i] < 0 or Fraction(1, 8) < numbers[i, i] / scale < 8)
+            for j in range(5):
+                other = Fraction(numbers[i, j], scale) / shifted[i, j]
+                assert other**2 == ratio * Fraction(numbers[j, j], scale) / shifted[j, j]
+    assert exact._integers(fractions(np.diag([8.0, 2.0])))[1] == 1  # no common power of two is carried along
 
 
 def test_a_float_or_an_asymmetric_matrix_is_an_error():
