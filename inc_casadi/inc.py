@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from . import fixed_point
+from . import fixed_point, monotone
 from .activations import Activation, ReLU, Saturation
-from .activations.stack import Units, as_units, derivative, lipschitz, sectors
+from .activations.stack import Units, as_units, derivative, sectors, slopes
 from .arrays import Array, columns, matrix, vector
 from .errors import DimensionError, InvalidInputError, NotWellPosedError
 from .sets import Box
-from .well_posed import WellPosedness, perron_frobenius
+from .well_posed import WellPosedness, well_posedness
 
 
 class Adjoint(NamedTuple):
@@ -40,7 +40,8 @@ class INC:
     activation: one `Activation`, or one per hidden unit. y has the units of the measurement, u of the actuator.
     q may be 0: a linear law.
 
-    Any W can be described; evaluation refuses a W whose fixed point is not proved unique (thm:wellposed).
+    Any W can be described; evaluation refuses a W whose fixed point is not proved unique, by thm:wellposed or by a
+    diagonal T with 2T - TW - W'T > 0 (`WellPosedness`).
 
     Raises DimensionError when shapes do not fit, InvalidInputError for NaN or infinities.
 
@@ -187,16 +188,20 @@ class INC:
 
     @cached_property
     def _well_posedness(self) -> WellPosedness:
-        return perron_frobenius(self.W, self.U, self.V, self.K, lipschitz(self.activations))
+        return well_posedness(self.W, self.U, self.V, self.K, slopes(self.activations))
 
     def well_posedness(self) -> WellPosedness:
-        """Return the Perron-Frobenius test with its Lipschitz bounds (thm:wellposed); sufficient, not necessary."""
+        """Return the test of Perron-Frobenius (thm:wellposed) or, where it fails, the one with a diagonal T; sufficient.
+
+        It carries the Lipschitz bounds. Computed once.
+        """
         return self._well_posedness
 
     def solve(self, y: ArrayLike, method: str = "auto") -> fixed_point.FixedPoint:
         """Return the hidden fixed points of points y, (p,) or (p, N), with residual and iteration count.
 
-        method: "auto" (one pass when W is feedforward, else the cheaper one), "picard" or "newton" (safeguarded).
+        method: "auto" (one pass when W is feedforward, else the cheaper one that surely converges), "picard", "newton"
+        (safeguarded) or "splitting" (`splitting.Splitting`, slower, for any W with a multiplier T).
         Raises NotWellPosedError when the fixed point is not proved unique, ConvergenceError on a residual too large.
         """
         points, _ = columns("y", y, self.p)
@@ -204,9 +209,18 @@ class INC:
         if not test.holds:
             raise NotWellPosedError(
                 f"W ({self.q} x {self.q}) is not proved well posed: lambda_pf(S|W|) = {test.radius:.6g} is not below 1 "
-                "(thm:wellposed), so eta = phi(W eta + U y + b) may have no solution or several")
+                f"(thm:wellposed), and no diagonal T > 0 with {test.form} > 0 was found, so eta = phi(W eta + U y + b) may "
+                "have no solution or several")
+        T = self._splitting_metric if method == "splitting" else test.T
         return fixed_point.solve(self.W, self.U @ points + self.b[:, None], self.activations, rate=test.rate,
-                                 weights=test.weights, method=method)
+                                 weights=test.weights, T=T, method=method)
+
+    @cached_property
+    def _splitting_metric(self) -> Array | None:
+        """The multiplier T, searched for where Perron-Frobenius made it unnecessary."""
+        test = self.well_posedness()
+        found = test.multiplier or monotone.find_multiplier(slopes(self.activations), self.W)
+        return None if found is None else found.T
 
     def hidden(self, y: ArrayLike) -> Array:
         """Return eta for a point y (p,) or columns (p, N): shape (q,) or (q, N)."""
@@ -222,7 +236,9 @@ class INC:
     def jacobian(self, y: ArrayLike) -> Array:
         """Return du/dy = K + V (I - D W)^{-1} D U (eq:inc_output_jacobian), (m, p) or (N, m, p).
 
-        At a kink D takes the slope on the right, one of the valid generalized derivatives.
+        I - D W is nonsingular for every diagonal D of slopes: by lambda_pf(D|W|) < 1, or since x = D W x would make
+        x'He((I - LW)'T(I - SW))x <= 0 (`monotone.condition`). At a kink D takes the slope on the right, one of the valid
+        generalized derivatives.
         """
         points, single = columns("y", y, self.p)
         eta = self.solve(points).eta

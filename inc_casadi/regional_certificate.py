@@ -9,8 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
-from . import exact
-from .activations.stack import lipschitz
+from .activations.stack import slopes
 from .arrays import Array, number, symmetric
 from .certificate import Certificate, Proof
 from .claims.regional import Regional
@@ -24,6 +23,7 @@ from .pieces.laws import PiecewiseLoop
 from .pieces.terminal import TerminalSet, find, in_fractions, in_places, refusal, with_ellipsoid
 from .pieces.walk import Budget, Walk, walk
 from .plant import Plant, as_plant
+from .well_posed import is_proved
 
 ROUNDING = 1e-9
 LIMIT_TOLERANCE = 1e-12
@@ -94,10 +94,11 @@ class RegionalCertificate(Certificate):
     def margins(self) -> dict[str, float]:
         """Return the distance from failing of each part; positive is good, for "inputs" zero is enough.
 
-        "well-posed": 1 - contraction rate; "followed": probability of the starting points that were followed into the
-        terminal set, less what one such point must be, so 0 when all were; "inputs": the smallest h - H u.
+        "well-posed": 1 - contraction rate, or the monotonicity under a multiplier T; "followed": probability of the
+        starting points that were followed into the terminal set, less what one such point must be, so 0 when all were;
+        "inputs": the smallest h - H u.
         """
-        margins = {"well-posed": 1.0 - self.inc.well_posedness().rate}
+        margins = {"well-posed": self.inc.well_posedness().margin}
         if self.walk is None:
             return margins | {"followed": -1.0}
         margins["followed"] = 0.0 if self.walk.complete else -float(self.walk.left.weight.sum())
@@ -184,8 +185,10 @@ class RegionalCertificate(Certificate):
 
     def _exact_setting(self) -> str:
         """What is wrong, in exact arithmetic, with what a walk starts from."""
-        if not exact.contracts(lipschitz(self.inc.activations), self.inc.W, self.inc.well_posedness().weights):
-            return f"the controller is not proved well posed: {self.inc.well_posedness().test}"
+        # Both: the claim is about the controller, and the error bounds rest on the numbers of the law without idle units.
+        for law in (self.inc, self._law):
+            if not is_proved(law.well_posedness(), law.W, slopes(law.activations)):
+                return f"the controller is not proved well posed: {law.well_posedness().test}"
         if self._setting[1] is None:
             return self.note or "no terminal set is stored"
         loop, terminal = self._exact

@@ -16,7 +16,7 @@ def rest_output(inc: INC) -> np.ndarray | None:
 
     On guessed pieces eta_i = s_i z_i + c_i the fixed point is linear, eta = (I - S W)^{-1} (S b + c). The guess starts
     from the floating-point solution and moves each unit to the piece that its exact z_i lies in, until none moves;
-    then eta = phi(W eta + b) holds exactly, and by thm:wellposed it is the only solution.
+    then eta = phi(W eta + b) holds exactly, and by well-posedness, whichever test proves it, it is the only solution.
 
     Raises NotWellPosedError when the fixed point is not proved unique.
 

@@ -4,6 +4,7 @@ import casadi as ca
 import draws
 import numpy as np
 import oracles
+import posed
 import pytest
 
 from inc_casadi import (
@@ -20,7 +21,7 @@ from inc_casadi import (
     simulate,
 )
 from inc_casadi.errors import DimensionError, InvalidInputError
-from inc_casadi.graph import activation_graph, inc_function, parametric_inc, residual_function, rollout
+from inc_casadi.graph import _implicit, activation_graph, inc_function, parametric_inc, residual_function, rollout
 
 ALL = (ReLU(), LeakyReLU(0.3), Tanh(), Saturation(), Logistic(), CenteredLogistic(), Identity())
 STEP = 1e-6
@@ -197,3 +198,34 @@ def test_refusals():
         inc_function(controller(0), smoothing=-1.0)
     with pytest.raises(DimensionError, match="3 entries"):
         parametric_inc(2, 1, 1, [ReLU()] * 3)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_graph_posed_by_a_multiplier_converges_where_newton_alone_may_cycle(seed):
+    rng = np.random.default_rng(seed)
+    inc = posed.controller(rng, ALL, p=4, kind=("symmetric", "skew")[seed % 2])
+    assert not inc.well_posedness().contracts
+    y = 4 * rng.normal(size=(4, 30))
+    law = inc_function(inc)
+    u, eta = law(y)
+    np.testing.assert_allclose(eta.full(), inc.hidden(y), atol=1e-8)
+    np.testing.assert_allclose(u.full(), inc(y), atol=1e-8)
+    slope = law.jacobian()(y[:, 0], *[part[:, 0] for part in law(y)])[0].full()
+    np.testing.assert_allclose(slope, inc.jacobian(y[:, 0]), atol=1e-7)
+
+
+def test_the_start_by_splitting_is_what_makes_it_converge():
+    """A ring of large skew gain on which Newton from phi(r) ends in a RuntimeError, for this many of 60 points."""
+    rng = np.random.default_rng(1)
+    H = rng.normal(size=(6, 6))
+    inc = INC(0.3 * np.eye(6) + 4.0 * (H - H.T), rng.normal(size=(6, 2)), np.ones((1, 6)), [[0.0, 0.0]], rng.normal(size=6))
+    y = 5 * rng.normal(size=(2, 60))
+    plain = _implicit(inc.activations, 0.0)
+    failures = 0
+    for k in range(60):
+        try:
+            plain(inc.U @ y[:, k] + inc.b, inc.W)
+        except RuntimeError:
+            failures += 1
+    assert failures > 0
+    np.testing.assert_allclose(inc_function(inc)(y)[1].full(), inc.hidden(y), atol=1e-8)

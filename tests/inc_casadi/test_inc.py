@@ -1,6 +1,9 @@
 """The controller as a map: evaluation, derivatives, constructions and refusals."""
 
+from dataclasses import replace
+
 import numpy as np
+import posed
 import pytest
 
 from inc_casadi import INC, Box, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh
@@ -165,7 +168,7 @@ def by_fixed_point(w, y):
     return eta
 
 
-@pytest.mark.parametrize("W", [[[1.0]], [[-1.2]], [[0.0, 2.0], [0.5, 0.0]]])
+@pytest.mark.parametrize("W", [[[1.0]], [[1.2]], [[0.0, 2.0], [0.5, 0.0]]])
 def test_an_ill_posed_w_is_described_but_not_evaluated(W):
     q = len(W)
     inc = INC(W, np.ones((q, 1)), np.ones((1, q)), [[0.0]])
@@ -265,3 +268,28 @@ def test_bad_measurements_are_refused():
         INC.saturated([[1.0]], -1.0)
     with pytest.raises(DimensionError, match="layer 2 reads 3 values, but layer 1 gives 2"):
         INC.from_layers([(np.zeros((2, 1)), np.zeros(2)), (np.zeros((1, 3)), np.zeros(1))])
+
+
+def test_a_law_posed_by_a_multiplier_has_derivatives_too():
+    rng = np.random.default_rng(8)
+    inc = posed.controller(rng, MIXED, kind="skew")
+    y, g, step = rng.standard_normal((P, 5)), rng.standard_normal((M, 5)), 1e-6
+    assert not inc.well_posedness().contracts and inc.solve(y).method.startswith("newton")
+    jacobian = inc.jacobian(y)
+    for j in range(P):
+        e = step * np.eye(P)[:, [j]]
+        np.testing.assert_allclose(jacobian[:, :, j].T, (inc(y + e) - inc(y - e)) / (2 * step), atol=1e-6)
+    adjoint, direction = inc.adjoint(y, g), rng.standard_normal(inc.W.shape)
+    np.testing.assert_allclose(adjoint.y, np.einsum("nmp,mn->pn", jacobian, g), atol=1e-9)
+    values = [np.sum(g * replace(inc, W=inc.W + sign * step * direction)(y)) for sign in (1, -1)]
+    assert np.sum(adjoint.W * direction) == pytest.approx((values[0] - values[1]) / (2 * step), rel=1e-5, abs=1e-6)
+
+
+def test_idle_units_of_a_law_posed_by_a_multiplier_can_be_left_out():
+    inc = posed.controller(np.random.default_rng(2), MIXED, kind="symmetric")
+    W = np.block([[inc.W, np.zeros((Q, 1))], [np.ones((1, Q)), np.full((1, 1), -5.0)]])
+    grown = INC(W, np.vstack([inc.U, inc.U[:1]]), np.hstack([inc.V, np.zeros((M, 1))]), inc.K, np.append(inc.b, 1.0), inc.d,
+                (*MIXED, ReLU()))
+    y = np.random.default_rng(3).standard_normal((P, 20))
+    assert grown.well_posedness().T is not None and grown.without_idle_units().well_posedness().T is not None
+    np.testing.assert_allclose(grown(y), inc(y), atol=1e-9)

@@ -5,6 +5,7 @@ from fractions import Fraction
 
 import numpy as np
 import oracles
+import posed
 import pytest
 
 from inc_casadi import INC, Box, Plant, Polytope, ReLU, Saturation, Tanh
@@ -224,7 +225,7 @@ def test_every_part_of_a_rigorous_proof_can_refuse(monkeypatch):
     import inc_casadi.regional_certificate as module
     assert saturated().prove().method.startswith("256 binary places")
     with monkeypatch.context() as patch:
-        patch.setattr(module.exact, "contracts", lambda *_: False)
+        patch.setattr("inc_casadi.well_posed.exact.contracts", lambda *_: False)
         assert "well posed" in saturated().prove().reason
     with monkeypatch.context() as patch:
         patch.setattr(Enclosure, "arrives", lambda *_: False)
@@ -250,3 +251,52 @@ def test_a_kink_tolerance_that_is_too_coarse_proves_nothing(monkeypatch):
     assert coarse.holds()  # the walk in floats is done with the fine tolerance
     monkeypatch.setattr(PiecewiseLoop, "kink_tolerance", Fixed(ONE // 100))
     assert "rounding errors grow too large" in coarse.prove().reason
+
+
+def mpc_claim():
+    return Regional(Box([-0.8, -0.8], [0.8, 0.8]), UNIT, np.eye(2), [[0.05]], 0.98)
+
+
+def test_a_model_predictive_law_is_proved_though_perron_frobenius_rejects_it():
+    """eta = sat((I - step H) eta - step F x) with lambda_pf(|I - step H|) = 1.35: the law of a program over four inputs."""
+    law = posed.mpc_law()
+    assert law.well_posedness().radius > 1.3
+    certificate = certify_region(posed.PLANT, law, mpc_claim()).require()
+    proof = certificate.prove()
+    assert proof.succeeded and proof.method.startswith("256 binary places")
+    assert 0 < certificate.margins()["well-posed"] == law.well_posedness().monotonicity
+    points = certificate.claim.initial.sample(2000, np.random.default_rng(0))
+    costs, x = np.zeros(2000), points
+    for k in range(200):
+        u = law(x)
+        costs += 0.98**k * (np.sum(x * x, axis=0) + 0.05 * np.sum(u * u, axis=0))
+        x = posed.PLANT.A @ x + posed.PLANT.B @ u
+    assert np.abs(x).max() < 1e-6 and costs.max() <= certificate.worst_bound
+    assert abs(costs.mean() - certificate.expected) < 4 * costs.std() / np.sqrt(2000)
+    # A program of longer view costs no more than the clipped optimal gain, up to what is lost by the horizon.
+    assert certificate.expected == pytest.approx(1.36497831, abs=1e-7)
+
+
+def test_its_proof_in_fractions_agrees(monkeypatch):
+    certificate = certify_region(posed.PLANT, posed.mpc_law(horizon=3), mpc_claim()).require()
+    monkeypatch.setattr(Enclosure, "arrives", lambda *_: False)
+    proof = certificate.prove()
+    assert proof.succeeded and proof.method == "exact fractions over all pieces"
+
+
+def test_a_multiplier_that_is_not_one_proves_nothing():
+    law = posed.mpc_law()
+    certificate = certify_region(posed.PLANT, law, mpc_claim()).require()
+    for change in ({"T": np.array([1.0, 50.0, 1.0, 1.0])}, {"T": -np.ones(4)},
+                   {"monotonicity": 2.0 * law.well_posedness().monotonicity}):
+        law.__dict__["_well_posedness"] = replace(certificate._law.well_posedness(), **change)
+        again = replace(certificate, inc=law)
+        assert again.holds() and "not proved well posed" in again.prove().reason, change
+
+
+def test_the_law_without_idle_units_must_be_proved_too(monkeypatch):
+    import inc_casadi.regional_certificate as module
+    certificate = certify_region(posed.PLANT, posed.mpc_law(), mpc_claim()).require()
+    verdicts = iter([True, False])
+    monkeypatch.setattr(module, "is_proved", lambda *_: next(verdicts))
+    assert "not proved well posed" in certificate.prove().reason

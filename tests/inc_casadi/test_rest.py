@@ -5,6 +5,7 @@ from fractions import Fraction
 import draws
 import numpy as np
 import oracles
+import posed
 import pytest
 
 from inc_casadi import INC, LeakyReLU, ReLU, Saturation, Tanh
@@ -52,3 +53,13 @@ def test_without_hidden_units_and_without_pieces():
 def test_ill_posed_is_refused():
     with pytest.raises(NotWellPosedError):
         rest_output(INC([[2.0]], [[1.0]], [[1.0]], [[0.0]], b=[1.0]))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_law_posed_by_a_multiplier_rests_where_its_fixed_point_says(seed):
+    rng = np.random.default_rng(seed)
+    units = (ReLU(), Saturation(), LeakyReLU(0.3), Saturation(), ReLU())
+    inc = posed.controller(rng, units, kind=("skew", "symmetric")[seed % 2])
+    assert not inc.well_posedness().contracts
+    found = rest_output(inc)
+    np.testing.assert_allclose(found.astype(float), inc(np.zeros(inc.p)), atol=1e-9)
