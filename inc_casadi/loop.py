@@ -9,24 +9,28 @@ import numpy as np
 
 from .activations.stack import sectors, slopes
 from .arrays import Array
-from .blocks import exact, hstack
+from .blocks import hstack
 from .errors import DimensionError, NoEquilibriumError
 from .inc import INC
 from .plant import Plant, as_plant
-
-Cone = tuple[tuple[float, float] | None, ...]
+from .readings import Reading
 
 
 @dataclass(frozen=True, eq=False)
 class ClosedLoop:
-    """The loop in the stacked variable s = (x, eta): x+ (or dx/dt) = F s, u = G s, z = Z s, x = X s, eta = H s.
+    """The loop over a stacked variable s, at first s = (x, eta): F s is x+ (or dx/dt), u = G s, z = Z s, x = X s, eta = H s.
 
     F (n, n+q), G (m, n+q), Z (q, n+q), X (n, n+q), H (q, n+q) of eq:s_stack, eq:Z_def, eq:F_def, eq:G_def, eq:Fc_def.
-    lower, upper (q,): the diagonals of D0 and D1. cone: for each unit (slope for z <= 0, slope for z >= 0), or None.
+    lower, upper (q,): D0 and D1, bounds on eta_i / z_i; units: the hidden unit that each row of Z and H belongs to.
+    about: what s is the deviation from. "origin": nothing, s is the state itself, and D0, D1 are the sectors (Assumption
+    ass:sector). "difference": another motion, and D0, D1 are the slope ranges (Assumption ass:incremental_sector); so it
+    is where biases move the equilibrium. "rest": the equilibrium that `exact_rest.rest_point` states, where the
+    pre-activations are `center`, (q,) Fractions; slope ranges too.
 
-    When the controller preserves the origin, s is the state itself, D0 and D1 are the sectors
-    (Assumption ass:sector) and `cone` states which units are linear on both half lines. Otherwise s is the deviation from
-    an equilibrium, D0 and D1 are the slope ranges (Assumption ass:incremental_sector) and no unit has a cone.
+    A loop may be widened: `with_inputs` appends columns that enter from outside (`inputs` in number, after x and eta),
+    `lifting.unrolled` those of later hidden vectors, multipliers columns of their own (`atoms`: the unit of each,
+    `parts`: what they stand for). Then X and F are the rows that a Lyapunov function is quadratic in, now and one step
+    on; X[:n] is x in every case.
     """
 
     plant: Plant
@@ -38,7 +42,12 @@ class ClosedLoop:
     H: Any
     lower: Any
     upper: Any
-    cone: Cone
+    units: tuple[int, ...]
+    about: str
+    atoms: tuple[int, ...] = ()
+    center: Any = None
+    inputs: int = 0
+    parts: Any = None
 
     @property
     def n(self) -> int:
@@ -50,14 +59,41 @@ class ClosedLoop:
         """Number of hidden units."""
         return self.inc.q
 
-    def exact(self) -> ClosedLoop:
-        """Return the same loop in Fractions, formed without rounding from the stored floats of plant and controller."""
+    @property
+    def width(self) -> int:
+        """Length of s."""
+        return self.X.shape[1]
+
+    def read(self, kind: Any) -> ClosedLoop:
+        """Return a loop that is not widened with its matrices formed anew from the stored floats, in another arithmetic.
+
+        kind: a `readings.Reading`, such as `Rational`.
+        """
         plant, inc = self.plant, self.inc
-        parts = [exact(part) for part in (plant.A, plant.B, plant.C, inc.W, inc.U, inc.V, inc.K)]
+        parts = [kind.lift(part) for part in (plant.A, plant.B, plant.C, inc.W, inc.U, inc.V, inc.K)]
         F, G, Z, X, H = stacked_matrices(*parts)
-        cone = tuple(None if ends is None else tuple(exact(np.array(ends))) for ends in self.cone)
-        return replace(self, F=F, G=G, Z=Z, X=exact(X), H=exact(H), lower=exact(self.lower), upper=exact(self.upper),
-                       cone=cone)
+        return replace(self, F=F, G=G, Z=Z, X=kind.lift(X), H=kind.lift(H), lower=kind.lift(self.lower),
+                       upper=kind.lift(self.upper))
+
+    def with_inputs(self, E: Array, D: Array | None = None) -> ClosedLoop:
+        """Return the loop with w appended to s: x+ = A x + B u + E w and y = C x + D w; E (n, r), D (p, r) or None.
+
+        >>> loop = close_loop(Plant([[0.5]], [[1.0]]), INC.linear([[2.0]]))
+        >>> loop.with_inputs(np.array([[1.0]]), np.array([[3.0]])).F.tolist()
+        [[2.5, 7.0]]
+        """
+        r = E.shape[1]
+        D = np.zeros((self.plant.p, r)) if D is None else D
+        noise, entry = _lifted(self.F, D), _lifted(self.F, E)
+        K, U, B = (_lifted(self.F, part) for part in (self.inc.K, self.inc.U, self.plant.B))
+        return replace(self, F=hstack(self.F, entry + B @ K @ noise), G=hstack(self.G, K @ noise),
+                       Z=hstack(self.Z, U @ noise), X=self.padded(self.X, r), H=self.padded(self.H, r),
+                       inputs=self.inputs + r)
+
+    @staticmethod
+    def padded(rows: Any, columns: int) -> Any:
+        """Return rows over s as rows over s with that many further columns."""
+        return hstack(rows, np.zeros((rows.shape[0], columns)))
 
 
 def stacked_matrices(A: Any, B: Any, C: Any, W: Any, U: Any, V: Any, K: Any) -> tuple[Any, Any, Any, Array, Array]:
@@ -91,10 +127,15 @@ def close_loop(plant: Plant, inc: INC) -> ClosedLoop:
     if inc.preserves_origin:
         ends = sectors(inc.activations)
         assert ends is not None
-        cone: Cone = tuple(unit.homogeneous for unit in inc.activations)
     else:
-        ends, cone = slopes(inc.activations), (None,) * inc.q
-    return ClosedLoop(plant, inc, F, G, Z, X, H, *ends, cone)
+        ends = slopes(inc.activations)
+    about = "origin" if inc.preserves_origin else "difference"
+    return ClosedLoop(plant, inc, F, G, Z, X, H, *ends, tuple(range(inc.q)), about)
+
+
+def _lifted(like: Any, value: Array) -> Any:
+    """Return an array as the kind of a Reading, or as it is where the loop holds floats."""
+    return like.lift(value) if isinstance(like, Reading) else value
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,13 +2,15 @@
 
 from ..errors import InvalidInputError
 from .base import Multiplier, Unknown
+from .lifted import Lifted
 from .relu import Relu
 from .sector import Sector
+from .slope import Slope
 
-LADDER: tuple[Multiplier, ...] = (Sector(), Relu())
+LADDER: tuple[Multiplier, ...] = (Sector(), Slope(), Relu(), Lifted())
 """From the cheapest to the strongest: each contains the ones before it where it applies."""
 
-__all__ = ["LADDER", "Multiplier", "Relu", "Sector", "Unknown", "as_multiplier"]
+__all__ = ["LADDER", "Lifted", "Multiplier", "Relu", "Sector", "Slope", "Unknown", "as_multiplier"]
 
 
 def as_multiplier(value: str | Multiplier) -> Multiplier:

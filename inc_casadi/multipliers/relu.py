@@ -1,44 +1,56 @@
-"""The complete quadratic multiplier of units that are linear on each half line, in its nonnegative relaxation."""
+"""The complete quadratic multiplier of piecewise-affine units, in its nonnegative relaxation."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
-from ..blocks import he
+from ..blocks import diag, he
+from ..errors import InvalidInputError
+from ..exact_rest import rest_point
 from ..loop import ClosedLoop
+from .atoms import all_atoms, kinked_rows, parts_of
 from .base import Multiplier, Unknown, constant
-from .sector import sector_matrix
+from .slope import slope_matrix, slope_signs, slope_unknowns
+
+NO_REST = ("a biased loop can be looked at about its equilibrium only when that is known in rational arithmetic, and none "
+           "was found: a unit is curved, the loop is large, or it has no equilibrium")
 
 
 @dataclass(frozen=True)
 class Relu(Multiplier):
-    """All products of the nonnegative parts of ReLU-like units, with their complementarity as an equality.
+    """All products of the nonnegative parts of kinked units, with their complementarity as an equality.
 
-    A unit with loop.cone = (l, h), h != l, has eta = l z for z <= 0 and eta = h z for z >= 0. With the sign s of h - l,
+    Each unit's z is split at its kinks into nonnegative lengths (`atoms.Atoms`); for a ReLU at rest on its kink these are
+    sigma = max(z, 0) = eta and nu = max(-z, 0) = eta - z. Those that vanish at rest are h = h~, the others g = g* + g~,
+    g* > 0. With
 
-        sigma = s (eta - l z) = |h - l| max(z, 0),      nu = s (eta - h z) = |h - l| max(-z, 0),
+        s'M s = h'N h + 2 h'(N_g g~ - diag(w) g~_partner),
 
-    so sigma >= 0, nu >= 0 and sigma nu = 0. Over k such units, with symmetric N_sigma, N_nu >= 0 entry by entry and
-    N_cross >= 0 off its diagonal (its diagonal, on sigma_i nu_i = 0, is free):
+    N symmetric, N_ij >= 0 unless h_i h_j = 0 everywhere; N_g,ij >= 0 unless h_i g_j = 0 everywhere; the partner of h_i is
+    a g with h_i g = 0 everywhere; and w_i g*_partner(i) >= sum_j N_g,ij g*_j:
 
-        s'M s = sigma'N_sigma sigma + nu'N_nu nu + 2 sigma'N_cross nu >= 0,
+        h_i g~_j = h_i g_j - g*_j h_i  and  h_i g~_partner = -g*_partner h_i  give
+        s'M s = h'N h + 2 sum_ij N_g,ij h_i g_j + 2 sum_i h_i (w_i g*_partner(i) - sum_j N_g,ij g*_j) >= 0,
 
-    a sum of products of nonnegative numbers and of zeros: sound. A copositive matrix over (sigma, nu) would be sound
-    as well; nonnegative matrices are the part of them that a linear program can search. Units with h = l obey
-    eta = l z: M += He(E'Y), E s = eta - l z = 0, Y free. The other units keep their sector inequality (`Sector`),
-    which is also contained for the kinked ones: there the sector product is a multiple of sigma nu.
+    sums of products of nonnegative numbers and of zeros: sound. It is what products with the constant 1 in the stacked
+    vector (1, s) give once that row, which no strict inequality allows to be anything but zero, is eliminated. Saturation
+    has two kinks and dead zones too; each kink beyond a unit's first adds a column to s. A copositive matrix over all
+    parts would be sound as well; nonnegative matrices are those that can be searched.
 
-    Refused when no unit has a cone, so for every biased loop: differences of two motions know slopes only.
+    Straight units obey eta~ = l z~: M += He(E'Y), E s = eta~ - l z~ = 0, Y free. Curved units keep the `Slope` multiplier,
+    which is contained for kinked ones: there nu'T sigma is a sum of products above.
+
+    A biased loop is looked at about its equilibrium, found in rational arithmetic (`exact_rest.rest_point`); refused when
+    there is none, or when no unit has a kink.
 
     >>> from inc_casadi import INC, Plant, close_loop
     >>> loop = close_loop(Plant([[0.5]], [[1.0]]), INC([[0.0]], [[2.0]], [[1.0]], [[0.0]]))
     >>> [unknown.name for unknown in Relu().unknowns(loop)]
-    ['N_sigma', 'N_nu', 'N_cross']
+    ['N']
     """
 
     @property
@@ -47,64 +59,88 @@ class Relu(Multiplier):
         return "relu"
 
     def refusal(self, loop: ClosedLoop) -> str | None:
-        """Return a sentence when no unit is linear on each half line."""
-        if all(ends is None for ends in loop.cone):
-            return ("the relu multiplier needs a hidden unit that is linear on each half line from the origin, and the "
-                    "loop has none: its units have no cone, or biases move the equilibrium")
-        return None
+        """Return a sentence when no unit has a kink, or when the equilibrium of a biased loop is not known exactly."""
+        if not kinked_rows(loop):
+            return "the relu multiplier needs a hidden unit with a kink, and the loop has none"
+        return NO_REST if loop.about == "difference" and rest_point(loop.plant, loop.inc) is None else None
+
+    def widened(self, loop: ClosedLoop) -> ClosedLoop:
+        """Return the loop about its equilibrium, with a column for each kink beyond a unit's first."""
+        loop = about_rest(loop)
+        atoms = tuple(loop.units[row] for row, parts in all_atoms(loop) for _ in range(parts.extras))
+        pad = len(atoms)
+        loop = replace(loop, F=loop.padded(loop.F, pad), G=loop.padded(loop.G, pad), Z=loop.padded(loop.Z, pad),
+                       X=loop.padded(loop.X, pad), H=loop.padded(loop.H, pad), atoms=atoms, parts=None)
+        return replace(loop, parts=parts_of(loop))
 
     def unknowns(self, loop: ClosedLoop) -> tuple[Unknown, ...]:
-        """Return N_sigma, N_nu, N_cross (k, k); Y (lines, n+q); Lambda, one per remaining unit."""
-        bent, lines, others = units(loop)
-        k, size = len(bent), loop.n + loop.q
+        """Return N (k, k), N_g (k, l), w (k,), Y (lines, width) and those of `Slope` for the curved units."""
+        parts, lines, curved = parts_of(loop), _lines(loop), _curved(loop)
+        k, l = parts.excluded_hg.shape
+        alone = parts.partner < 0
+        no_product = alone[:, None] | (np.arange(l)[None, :] == parts.partner[:, None])
         found = [
-            Unknown("N_sigma", (k, k), "symmetric_nonnegative"), Unknown("N_nu", (k, k), "symmetric_nonnegative"),
-            Unknown("N_cross", (k, k), "offdiagonal_nonnegative"), Unknown("Y", (len(lines), size), "free"),
-            Unknown("Lambda", (len(others),), "nonnegative"),
+            Unknown("N", (k, k), "symmetric_nonnegative", unsigned=parts.excluded_hh),
+            Unknown("N_g", (k, l), "nonnegative", zero=no_product, unsigned=parts.excluded_hg),
+            Unknown("w", (k,), "free", zero=alone), Unknown("Y", (len(lines), loop.width), "free"),
         ]
-        return tuple(unknown for unknown in found if 0 not in unknown.shape)
+        found = [unknown for unknown in found if 0 not in unknown.shape and unknown.free.any()]
+        return (*found, *(slope_unknowns(loop, curved) if curved else ()))
 
     def matrix(self, loop: ClosedLoop, values: Mapping[str, Any]) -> Any:
-        """Return M, (n+q, n+q)."""
-        bent, lines, others = units(loop)
-        M = constant(loop, np.zeros((loop.n + loop.q,) * 2))
-        if bent:
-            sigma, nu = _parts(loop, bent)
-            M = sigma.T @ values["N_sigma"] @ sigma + nu.T @ values["N_nu"] @ nu + M
-            M = M + he(sigma.T @ values["N_cross"] @ nu)
+        """Return M, of the loop's width."""
+        parts, lines, curved = parts_of(loop), _lines(loop), _curved(loop)
+        M = constant(loop, np.zeros((loop.width,) * 2))
+        if "N" in values:
+            M = parts.h.T @ values["N"] @ parts.h + M
+        if "w" in values:
+            partners = parts.g[np.maximum(parts.partner, 0), :]
+            product = -diag(values["w"]) @ partners
+            if "N_g" in values:
+                product = values["N_g"] @ parts.g + product
+            M = M + he(parts.h.T @ product)
         if lines:
-            slope = constant(loop, np.diag(_ends(loop, lines)[:, 0]))
+            slope = constant(loop, np.diag([float(loop.inc.activations[loop.units[i]].slopes[0]) for i in lines]))
             M = M + he((loop.H[lines, :] - slope @ loop.Z[lines, :]).T @ values["Y"])
-        if others:
-            M = M + sector_matrix(loop.Z[others, :], loop.H[others, :], loop.lower[others], loop.upper[others],
-                                  values["Lambda"])
+        if curved:
+            M = M + slope_matrix(loop, curved, values)
         return M
 
-    def restored(self, loop: ClosedLoop, values: Mapping[str, Any], S: Array, sizes: Array) -> dict[str, Any]:
-        """Return N_ij = N~_ij / (sizes_i sizes_j), Y = diag(1 / sizes) Y~ S^{-1} and Lambda_i = Lambda~_i / sizes_i^2."""
-        bent, lines, others = units(loop)
-        factor = {"Y": 1.0 / sizes[lines][:, None], "Lambda": 1.0 / sizes[others] ** 2}
-        factor |= dict.fromkeys(("N_sigma", "N_nu", "N_cross"), 1.0 / np.outer(sizes[bent], sizes[bent]))
-        found = {name: factor[name] * value for name, value in values.items()}
-        return found | ({"Y": found["Y"] @ np.linalg.inv(S)} if lines else {})
+    def signs(self, loop: ClosedLoop, values: Mapping[str, Any]) -> dict[str, Any]:
+        """Return w_i g*_partner(i) - sum_j N_g,ij g*_j, and the sums of `Slope`."""
+        curved = _curved(loop)
+        found = slope_signs(loop, curved, values) if curved else {}
+        if "w" not in values:
+            return found
+        parts = parts_of(loop)
+        paid = diag(values["w"]) @ _column(loop, parts.g_rest[np.maximum(parts.partner, 0)])
+        if "N_g" in values:
+            paid = paid - values["N_g"] @ _column(loop, parts.g_rest)
+        partnered = np.eye(len(parts.partner))[parts.partner >= 0]
+        return {"w g* - N_g g*": partnered @ paid, **found}
 
 
-def units(loop: ClosedLoop) -> tuple[list[int], list[int], list[int]]:
-    """Return the units with a kink at the origin, the linear ones, and the rest."""
-    bent = [i for i, ends in enumerate(loop.cone) if ends is not None and ends[0] != ends[1]]
-    lines = [i for i, ends in enumerate(loop.cone) if ends is not None and ends[0] == ends[1]]
-    return bent, lines, [i for i, ends in enumerate(loop.cone) if ends is None]
+def about_rest(loop: ClosedLoop) -> ClosedLoop:
+    """Return the loop with its deviations counted from the equilibrium where biases move it."""
+    if loop.about != "difference":
+        return loop
+    point = rest_point(loop.plant, loop.inc)
+    if point is None:
+        raise InvalidInputError(NO_REST)
+    return replace(loop, about="rest", center=point.z)
 
 
-def _parts(loop: ClosedLoop, bent: list[int]) -> tuple[Any, Any]:
-    """Return the rows of sigma and nu over s, (k, n+q) each."""
-    ends = _ends(loop, bent)
-    sign = constant(loop, np.diag(np.sign(ends[:, 1] - ends[:, 0])))
-    eta, z = loop.H[bent, :], loop.Z[bent, :]
-    low, high = constant(loop, np.diag(ends[:, 0])), constant(loop, np.diag(ends[:, 1]))
-    return sign @ (eta - low @ z), sign @ (eta - high @ z)
+def _column(loop: ClosedLoop, entries: np.ndarray) -> Any:
+    return constant(loop, entries.reshape(-1, 1))
 
 
-def _ends(loop: ClosedLoop, rows: list[int]) -> np.ndarray:
-    """Return the two slopes of some units with a cone, (k, 2) floats; they are doubles in every reading of the loop."""
-    return np.array([loop.cone[i] for i in rows], dtype=float)
+def _lines(loop: ClosedLoop) -> list[int]:
+    """Return the rows of straight units."""
+    kinked = set(kinked_rows(loop))
+    return [row for row, unit in enumerate(loop.units)
+            if row not in kinked and loop.inc.activations[unit].pieces is not None]
+
+
+def _curved(loop: ClosedLoop) -> list[int]:
+    """Return the rows of units that are not piecewise affine."""
+    return [row for row, unit in enumerate(loop.units) if loop.inc.activations[unit].pieces is None]

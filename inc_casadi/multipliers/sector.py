@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..arrays import Array
 from ..blocks import diag, he
 from ..loop import ClosedLoop
 from .base import Multiplier, Unknown
@@ -39,16 +38,12 @@ class Sector(Multiplier):
         return None
 
     def unknowns(self, loop: ClosedLoop) -> tuple[Unknown, ...]:
-        """Return Lambda, one nonnegative number per unit."""
-        return (Unknown("Lambda", (loop.q,), "nonnegative"),)
+        """Return Lambda, one nonnegative number per row of Z."""
+        return (Unknown("Lambda", (len(loop.units),), "nonnegative"),)
 
     def matrix(self, loop: ClosedLoop, values: Mapping[str, Any]) -> Any:
-        """Return M_Lambda, (n+q, n+q)."""
+        """Return M_Lambda, of the loop's width."""
         return sector_matrix(loop.Z, loop.H, loop.lower, loop.upper, values["Lambda"])
-
-    def restored(self, loop: ClosedLoop, values: Mapping[str, Any], S: Array, sizes: Array) -> dict[str, Any]:
-        """Return Lambda_i = Lambda~_i / sizes_i^2."""
-        return {"Lambda": values["Lambda"] / sizes**2}
 
 
 def sector_matrix(Z: Any, H: Any, lower: Any, upper: Any, weights: Any) -> Any:

@@ -7,6 +7,7 @@ import pytest
 
 from inc_casadi import INC, LeakyReLU, Logistic, Plant, ReLU, Saturation, Tanh, close_loop, equilibrium
 from inc_casadi.errors import DimensionError, NoEquilibriumError
+from inc_casadi.readings import Rational, Rounded
 
 N, M, P, Q = 4, 2, 3, 5
 
@@ -51,18 +52,58 @@ def test_deviations_from_an_equilibrium_obey_the_same_matrices():
 
 def test_sector_facts_belong_to_the_origin_and_slopes_to_everything_else():
     loop = close_loop(*draw(0))
-    assert loop.cone == ((0.0, 1.0), (0.3, 1.0), None, None, (0.0, 1.0))
+    assert loop.about == "origin" and loop.units == tuple(range(Q)) and loop.atoms == () and loop.center is None
     assert loop.lower.tolist() == [0, 0.3, 0, 0, 0] and loop.upper.tolist() == [1, 1, 1, 1, 1]
     biased = close_loop(*draw(0, biased=True))
-    assert biased.cone == (None,) * Q and biased.upper.tolist() == [1, 1, 1, 1, 0.25]
+    assert biased.about == "difference" and biased.upper.tolist() == [1, 1, 1, 1, 0.25]
+    narrow = close_loop(Plant([[0.5]], [[1.0]]), INC([[0.0]], [[2.0]], [[1.0]], [[0.0]], activation=Narrow()))
+    moved = close_loop(Plant([[0.5]], [[1.0]]), INC([[0.0]], [[2.0]], [[1.0]], [[0.0]], b=[1.0], activation=Narrow()))
+    assert (narrow.lower.item(), moved.lower.item()) == (0.1, -0.5)
+
+
+class Narrow(ReLU):
+    """A unit that states a sector narrower than its slopes."""
+
+    slopes = (-0.5, 1.0)
+    sector = (0.1, 1.0)
 
 
 def test_exact_loop_is_formed_without_rounding():
     plant, inc = Plant([[0.1]], [[0.2]]), INC([[0.3]], [[0.7]], [[1.1]], [[0.9]])
-    loop = close_loop(plant, inc).exact()
+    loop = close_loop(plant, inc).read(Rational)
     A, B, K, V, U = (Fraction(v) for v in (0.1, 0.2, 0.9, 1.1, 0.7))
-    assert loop.F.tolist() == [[A + B * K, B * V]] and loop.Z.tolist() == [[U, Fraction(0.3)]]
-    assert float(loop.F[0, 0]) == pytest.approx(0.28) and loop.cone == ((Fraction(0), Fraction(1)),)
+    assert loop.F.fractions().tolist() == [[A + B * K, B * V]] and loop.Z.fractions().tolist() == [[U, Fraction(0.3)]]
+    assert loop.G.fractions().tolist() == [[K, V]] and loop.upper.fractions().tolist() == [Fraction(1)]
+    assert loop.X.fractions().tolist() == [[1, 0]] and loop.H.fractions().tolist() == [[0, 1]]
+    assert float(loop.F.fractions()[0, 0]) == pytest.approx(0.28)
+
+
+def test_rounded_loop_bounds_what_rounding_did():
+    loop = close_loop(*draw(0))
+    rounded, true = loop.read(Rounded), loop.read(Rational)
+    for name in ("F", "G", "Z", "X", "H", "lower", "upper"):
+        gap = Rational.lift(getattr(rounded, name).value).fractions() - getattr(true, name).fractions()
+        assert np.all(np.abs(gap) <= Rational.lift(getattr(rounded, name).error).fractions()), name
+
+
+@pytest.mark.parametrize("noisy", [False, True])
+def test_inputs_from_outside_enter_the_state_and_the_measurement(noisy):
+    plant, inc = draw(0)
+    rng = np.random.default_rng(5)
+    E, D = rng.standard_normal((N, 2)), rng.standard_normal((P, 2)) if noisy else None
+    loop = close_loop(plant, inc).with_inputs(E, D)
+    x, w = rng.standard_normal(N), rng.standard_normal(2)
+    y = plant.C @ x + (D @ w if noisy else 0)
+    eta, u = inc.hidden(y), inc(y)
+    s = np.concatenate([x, eta, w])
+    np.testing.assert_allclose(loop.F @ s, plant.A @ x + plant.B @ u + E @ w, atol=1e-10)
+    np.testing.assert_allclose(loop.G @ s, u, atol=1e-10)
+    np.testing.assert_allclose(loop.Z @ s, inc.W @ eta + inc.U @ y, atol=1e-10)
+    np.testing.assert_array_equal(np.concatenate([loop.X @ s, loop.H @ s]), s[:-2])
+    assert loop.inputs == 2 and loop.width == N + Q + 2
+    true = close_loop(plant, inc).read(Rational).with_inputs(E, D)
+    for name in ("F", "G", "Z"):
+        np.testing.assert_allclose(getattr(true, name).fractions().astype(float), getattr(loop, name), atol=1e-12)
 
 
 @pytest.mark.parametrize("seed", range(4))
