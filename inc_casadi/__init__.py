@@ -8,18 +8,21 @@ from . import bounds, errors
 from .activations import CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh
 from .certificate import Certificate
 from .certify import certify
-from .claims import DiscountedCost, Regional, Stability
+from .claims import DeviationCost, DiscountedCost, L2Gain, Margins, Polytopic, Regional, Robust, Stability, Together
 from .errors import INCError
 from .inc import INC
 from .interchange import load, save
 from .loop import close_loop, equilibrium
+from .multipliers import Lifted
 from .plant import Plant
 from .sets import Box, Ellipsoid, Empirical, Gaussian, Polytope, Uniform
 from .simulate import simulate
 from .spec import Spec
+from .uncertainty import InputSector, NormBounded
 
 __all__ = [
-    "Box", "CenteredLogistic", "Certificate", "DiscountedCost", "Ellipsoid", "Empirical", "Gaussian", "INC", "INCError",
-    "Identity", "LeakyReLU", "Logistic", "Plant", "Polytope", "ReLU", "Regional", "Saturation", "Spec", "Stability",
-    "Tanh", "Uniform", "bounds", "certify", "close_loop", "equilibrium", "errors", "load", "save", "simulate",
+    "Box", "CenteredLogistic", "Certificate", "DeviationCost", "DiscountedCost", "Ellipsoid", "Empirical", "Gaussian", "INC",
+    "INCError", "Identity", "InputSector", "L2Gain", "LeakyReLU", "Lifted", "Logistic", "Margins", "NormBounded", "Plant",
+    "Polytope", "Polytopic", "ReLU", "Regional", "Robust", "Saturation", "Spec", "Stability", "Tanh", "Together", "Uniform",
+    "bounds", "certify", "close_loop", "equilibrium", "errors", "load", "save", "simulate",
 ]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
@@ -13,17 +13,22 @@ from typing import Any, Self
 
 import numpy as np
 
-from . import exact
-from .activations.stack import lipschitz
+from . import exact, monotone
+from .activations.stack import lipschitz, slopes
 from .arrays import Array, matrix, symmetric, vector
 from .claims.base import Claim
+from .definite import definiteness, is_surely_positive
 from .errors import InvalidInputError, NotCertifiedError
 from .inc import INC
-from .loop import ClosedLoop, close_loop, stacked_matrices
+from .inequalities import Inequalities
+from .loop import ClosedLoop, close_loop
+from .monotone import lmi_well_posed
 from .multipliers import Multiplier, Unknown, as_multiplier
 from .plant import Plant, as_plant
 from .readings import Rational, Reading, Rounded
+from .well_posed import WellPosedness, perron_frobenius
 
+EXACT, FLOAT = "exact rational arithmetic", "floating point with every rounding bounded"
 EIGENVALUE_ROUNDING = 8.0  # eigvalsh errs by less than this times size eps norm
 
 
@@ -122,20 +127,12 @@ class MatrixCertificate(Certificate):
         if not isinstance(self.claim, Claim):
             raise InvalidInputError(f"claim is {self.claim!r}, but must be a Claim such as Stability()")
         self.claim.check(self.plant, self.inc)
-        names = [unknown.name for unknown in self._unknowns]
-        if sorted(names) != sorted(self.values):
+        wanted = {unknown.name: unknown for unknown in self._unknowns}
+        if sorted(wanted) != sorted(self.values):
             given = ", ".join(sorted(self.values)) or "nothing"
             raise InvalidInputError(f"values holds {given}, but claim and multiplier {self.multiplier.name} ask for "
-                                    f"{', '.join(names)}")
-        values: dict[str, Array] = {}
-        for unknown in self._unknowns:
-            value = self.values[unknown.name]
-            if unknown.is_symmetric:
-                values[unknown.name] = symmetric(unknown.name, value, unknown.shape[0])
-            elif len(unknown.shape) == 2:
-                values[unknown.name] = matrix(unknown.name, value, (unknown.shape[0], unknown.shape[1]))
-            else:
-                values[unknown.name] = vector(unknown.name, value, unknown.shape[0])
+                                    f"{', '.join(wanted)}")
+        values = {name: _checked(unknown, self.values[name]) for name, unknown in wanted.items()}
         object.__setattr__(self, "values", MappingProxyType(values))
 
     @cached_property
@@ -151,31 +148,56 @@ class MatrixCertificate(Certificate):
     def margins(self) -> dict[str, float]:
         """Return how far each condition is from failing, relative and with rounding taken off.
 
-        "well-posed": min_i (v - S|W|v)_i / v_i with the weights v of the controller's test, about 1 - lambda_pf(S|W|).
-        "<unknown> >= 0": the smallest entry; zero is enough. Any other: the smallest eigenvalue of D^-1 M D^-1, where
-        D_i^2 is the sum of the magnitudes of all terms that make up M_ii, so that the figure is what cancellation
-        has left and does not change with the units of a state or of a hidden unit; less a bound on every rounding error
-        made in forming M and on that of the eigenvalue. When this leaves the sign open, exact arithmetic decides it, and
-        the margin is the computed eigenvalue, but positive if and only if M > 0.
+        "well-posed": min_i (v - S|W|v)_i / v_i with the weights v of the controller's test, about 1 - lambda_pf(S|W|); under
+        the inequality 2T - TW - W'T > 0 its smallest eigenvalue relative to T (stored, as a value). "<name> >= 0": the
+        smallest entry; zero is enough. Any other: the smallest eigenvalue of D^-1 M D^-1, where D_i^2 is the sum of the
+        magnitudes of all terms that make up M_ii, so that the figure is what cancellation has left and does not change
+        with the units of a state or of a hidden unit; less a bound on every rounding error made in forming M and on that
+        of the eigenvalue. When this leaves the sign open, it is decided rigorously, and the margin is the computed
+        eigenvalue, but positive if and only if M > 0.
         """
-        margins = {"well-posed": self._contraction_margin()}
+        margins = {"well-posed": self._posed_margin}
         for unknown in self._unknowns:
             if unknown.signed.any():
                 margins[f"{unknown.name} >= 0"] = float(self.values[unknown.name][unknown.signed].min())
         with np.errstate(over="ignore", invalid="ignore"):
-            conditions = self._conditions(Rounded)
+            for name, entries in self._rounded.signs(self._lifted(Rounded)).items():
+                lowest = float(np.min(entries.value - entries.error))
+                margins[f"{name} >= 0"] = lowest if lowest >= 0 else float(min(self._rational_signs[name]))
+            conditions = self._conditions
         for name, condition in conditions.items():
             smallest, room = _smallest_eigenvalue(condition)
             if smallest - room > 0 or not smallest + room >= 0:
                 margins[name] = smallest - room
             else:
-                margins[name] = _with_sign(smallest, exact.is_positive_definite(self._rational[name].numbers))
+                margins[name] = _with_sign(smallest, self._is_definite(name))
         return margins
+
+    def surely(self, exact_up_to: int = 0) -> bool:
+        """Return whether floating point alone, every rounding bounded, shows that `holds`; False leaves it open.
+
+        What a search asks of its numbers: milliseconds, where `holds` may have to settle a close call in exact arithmetic.
+        exact_up_to: size of a condition up to which a close call is settled in exact arithmetic here too.
+        """
+        if self.claim.refusal(self.loop, self.multiplier) or not self._posed_margin > 0:
+            return False
+        if any(np.any(self.values[u.name][u.signed] < 0) for u in self._unknowns):
+            return False
+        with np.errstate(over="ignore", invalid="ignore"):
+            for name, entries in self._rounded.signs(self._lifted(Rounded)).items():
+                undecided = not np.all(entries.value - entries.error >= 0)
+                if undecided and (not exact_up_to or min(self._rational_signs[name]) < 0):
+                    return False
+            conditions = self._conditions
+        for name, condition in conditions.items():
+            if not (self._is_definite(name) if condition.shape[0] <= exact_up_to else is_surely_positive(condition)):
+                return False
+        return not self.claim.obstacle(self.plant, self.inc)
 
     @property
     def reason(self) -> str:
         """Why the certificate does not hold: the assumption that fails, or the worst margin; empty when it holds."""
-        refusal = self.multiplier.refusal(self.loop)
+        refusal = self.claim.refusal(self.loop, self.multiplier)
         if refusal:
             return refusal
         margins = self.margins()
@@ -197,20 +219,34 @@ class MatrixCertificate(Certificate):
         reason = self.reason
         return f"Not certified: {reason}." if reason else self.claim.sentence(self.loop, self.values)
 
-    def prove(self) -> Proof:
-        """Settle every condition in exact rational arithmetic from the stored doubles; no rounding takes part.
+    def prove(self, method: str = "auto") -> Proof:
+        """Settle every condition rigorously from the stored doubles.
+
+        method: "float" takes floating point with every rounding bounded (`definite.is_surely_positive`), milliseconds, and
+        leaves what is too close undecided, which counts as not proved; "exact" takes rational arithmetic, no rounding at
+        all; "auto" takes the former and settles by the latter what it leaves undecided. The proof says which it took.
 
         What is taken on trust: the facts that each activation states about itself.
+
+        Raises InvalidInputError for another method.
         """
+        if method not in ("auto", "float", "exact"):
+            raise InvalidInputError(f"method is {method!r}, but must be 'auto', 'float' or 'exact'")
         start = time.perf_counter()
-        reason = self._exact_reason()
-        return Proof(not reason, "exact rational arithmetic", time.perf_counter() - start, reason)
+        if method == "exact":
+            reason, means = self._exact_reason(), EXACT
+        else:
+            proved = self.surely() and not self.claim.obstacle(self.plant, self.inc, exactly=True)
+            reason, means = ("", FLOAT) if proved else (self._exact_reason(), EXACT)
+            if method == "float" and not proved:
+                reason, means = reason or "too close for floating point: ask for method 'exact'", FLOAT
+        return Proof(not reason, means, time.perf_counter() - start, reason)
 
     def _exact_reason(self) -> str:
-        refusal = self.multiplier.refusal(self.loop)
+        refusal = self.claim.refusal(self.loop, self.multiplier)
         if refusal:
             return refusal
-        if not exact.contracts(lipschitz(self.inc.activations), self.inc.W, self.inc.well_posedness().weights):
+        if not self._posed_exactly():
             return self._not_well_posed()
         obstacle = self.claim.obstacle(self.plant, self.inc, exactly=True)
         if obstacle:
@@ -218,27 +254,65 @@ class MatrixCertificate(Certificate):
         for unknown in self._unknowns:
             if not np.all(self.values[unknown.name][unknown.signed] >= 0):
                 return f"{unknown.name} has a negative entry"
+        for name, entries in self._rational_signs.items():
+            if any(entry < 0 for entry in entries):
+                return f"with the {self.multiplier.name} multiplier, {name} has a negative entry"
         for name, condition in self._rational.items():
             if not exact.is_positive_definite(condition.numbers):
                 return f"with the {self.multiplier.name} multiplier, the condition {name!r} is not positive definite"
         return ""
 
-    def _conditions(self, kind: type[Reading]) -> dict[str, Any]:
-        loop = _read(self.loop, kind)
-        values = {name: kind.lift(value) for name, value in self.values.items()}
-        return self.claim.conditions(loop, values, self.multiplier.matrix(loop, values))
+    @cached_property
+    def inequalities(self) -> Inequalities:
+        """The claim's inequalities over floats."""
+        return Inequalities(self.loop, self.claim, self.multiplier)
 
     @cached_property
+    def _rounded(self) -> Inequalities:
+        return Inequalities(self.loop.read(Rounded), self.claim, self.multiplier)
+
+    def _lifted(self, kind: type[Reading]) -> dict[str, Any]:
+        return {name: kind.lift(value) for name, value in self.values.items()}
+
+    @property
     def _unknowns(self) -> tuple[Unknown, ...]:
-        return (*self.claim.unknowns(self.loop), *self.multiplier.unknowns(self.loop))
+        return (*self.inequalities.unknowns, *posed_unknowns(self.inc))
+
+    @cached_property
+    def _conditions(self) -> dict[str, Rounded]:
+        """The conditions with a bound on every rounding error."""
+        return self._rounded.conditions(self._lifted(Rounded))
+
+    @cached_property
+    def _exactly(self) -> Inequalities:
+        return Inequalities(self.loop.read(Rational), self.claim, self.multiplier)
 
     @cached_property
     def _rational(self) -> dict[str, Rational]:
         """The conditions without any rounding."""
-        return self._conditions(Rational)
+        return self._exactly.conditions(self._lifted(Rational))
 
-    def _contraction_margin(self) -> float:
-        weights, W, slope = self.inc.well_posedness().weights, self.inc.W, lipschitz(self.inc.activations)
+    @cached_property
+    def _rational_signs(self) -> dict[str, list[Any]]:
+        signs = self._exactly.signs(self._lifted(Rational))
+        return {name: list(entries.fractions().flat) for name, entries in signs.items()}
+
+    def _is_definite(self, name: str) -> bool:
+        """Decide one condition: in floats where that is enough, in rational arithmetic otherwise."""
+        decided = definiteness(self._conditions[name])
+        return exact.is_positive_definite(self._rational[name].numbers) if decided is None else decided
+
+    def _posed_exactly(self) -> bool:
+        if "T" in self.values:
+            return lmi_well_posed(slopes(self.inc.activations), self.inc.W, self.values["T"], True)
+        return exact.contracts(lipschitz(self.inc.activations), self.inc.W, contraction(self.inc).weights)
+
+    @cached_property
+    def _posed_margin(self) -> float:
+        """Positive if and only if the weights, or the stored T, prove that the fixed point is unique."""
+        if "T" in self.values:
+            return self._monotone_margin()
+        weights, W, slope = contraction(self.inc).weights, self.inc.W, lipschitz(self.inc.activations)
         if not (np.all(np.isfinite(weights)) and np.all(weights > 0)):
             return -np.inf
         slack = Rounded.lift(weights) - (Rounded.lift(slope[:, None]) * np.abs(W)) @ weights
@@ -248,19 +322,49 @@ class MatrixCertificate(Certificate):
             return lowest
         return _with_sign(smallest, exact.contracts(slope, W, weights))
 
+    def _monotone_margin(self) -> float:
+        T, ends = self.values["T"], slopes(self.inc.activations)
+        if not np.all(T > 0):
+            return min(float(T.min()), 0.0)
+        root = 1.0 / np.sqrt(T)
+        smallest = float(np.linalg.eigvalsh(monotone.condition(ends, self.inc.W, T) * np.outer(root, root))[0])
+        proved = lmi_well_posed(ends, self.inc.W, T, False) or lmi_well_posed(ends, self.inc.W, T, True)
+        return _with_sign(smallest, proved)
+
     def _not_well_posed(self) -> str:
-        test = self.inc.well_posedness()
-        return (f"the controller is not proved well posed: lambda_pf(S|W|) = {test.radius:.6g} is not below 1 "
-                "(thm:wellposed), so no motion of the loop is defined for certain")
+        return (f"the controller is not proved well posed: {self.inc.well_posedness().test} (thm:wellposed), so no motion "
+                "of the loop is defined for certain")
 
 
-def _read(loop: ClosedLoop, kind: type[Reading]) -> ClosedLoop:
-    """Return the loop with its matrices formed anew from the stored floats, in another kind of arithmetic."""
-    plant, inc = loop.plant, loop.inc
-    parts = [kind.lift(part) for part in (plant.A, plant.B, plant.C, inc.W, inc.U, inc.V, inc.K)]
-    F, G, Z, X, H = stacked_matrices(*parts)
-    return replace(loop, F=F, G=G, Z=Z, X=kind.lift(X), H=kind.lift(H), lower=kind.lift(loop.lower),
-                   upper=kind.lift(loop.upper))
+def contraction(inc: INC) -> WellPosedness:
+    """Return the Perron-Frobenius test of a controller, which needs no search."""
+    return perron_frobenius(inc.W, inc.U, inc.V, inc.K, lipschitz(inc.activations))
+
+
+def posed_unknowns(inc: INC) -> tuple[Unknown, ...]:
+    """Return T (q,) when Perron-Frobenius does not prove the controller well posed, so that a certificate carries it."""
+    return () if contraction(inc).contracts else (Unknown("T", (inc.q,), "nonnegative"),)
+
+
+def posed_values(inc: INC) -> dict[str, Array]:
+    """Return T of the controller's own test where a certificate carries it: zeros when none was found."""
+    if contraction(inc).contracts:
+        return {}
+    T = inc.well_posedness().T
+    return {"T": np.zeros(inc.q) if T is None else T}
+
+
+def _checked(unknown: Unknown, value: Any) -> Array:
+    """Return a value as its unknown wants it: of its shape, symmetric, zero where it must be."""
+    if unknown.is_symmetric:
+        array = symmetric(unknown.name, value, unknown.shape[0])
+    elif len(unknown.shape) == 2:
+        array = matrix(unknown.name, value, (unknown.shape[0], unknown.shape[1]))
+    else:
+        array = vector(unknown.name, value, unknown.shape[0])
+    if np.any(array[~unknown.free]):
+        raise InvalidInputError(f"{unknown.name} has an entry that must be zero: a product that the multiplier may not use")
+    return array
 
 
 def _passes(name: str, margin: float) -> bool:

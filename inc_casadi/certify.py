@@ -5,33 +5,40 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from .certificate import Certificate, MatrixCertificate
 from .claims.base import Claim
 from .claims.regional import Regional
 from .errors import InvalidInputError
 from .inc import INC
+from .inequalities import Inequalities
+from .lmi_search import search, unsolved, worst_margin
+from .lmi_solvers import Solvers
 from .loop import ClosedLoop, close_loop
-from .multipliers import LADDER, Multiplier, as_multiplier
+from .multipliers import LADDER, Multiplier, Sector, as_multiplier
 from .pieces.walk import Budget
 from .plant import as_plant
 from .regional_certificate import certify_region
 
-LARGEST_RELU = 24  # units with a cone up to which "auto" tries the relu multiplier: its unknowns are 2 k^2
+MOST_UNKNOWNS = 1500  # up to which "auto" tries a rung: about ten seconds for each search
 
 
 def certify(plant: Any, inc: INC, claim: Claim | Regional, *, multiplier: str | Multiplier = "auto",
-            budget: Budget | None = None) -> Certificate:
+            solver: str = "auto", budget: Budget | None = None) -> Certificate:
     """Return the best certificate found for a claim about plant and controller; it may not hold, and then says why.
 
-    plant: Plant or control.StateSpace; inc: the controller; claim: `Stability`, `DiscountedCost` or `Regional`; budget:
-    how far the exact pieces of a `Regional` claim may go, which needs no multiplier; multiplier, for the others:
-    "sector" (eq:M_lambda), "relu", a Multiplier, or "auto". "auto" climbs from sector to relu, wherever they apply,
-    and returns the strongest that holds; for a claim with nothing to improve, the first that holds. The note says
-    how each rung fared.
+    plant: Plant or control.StateSpace; inc: the controller; claim: a `Claim` such as `Stability`, `DiscountedCost`,
+    `L2Gain`, `Margins`, `Robust`, `Polytopic` or `Together`, or `Regional`; budget: how far the exact pieces of a
+    `Regional` claim may go, which needs no multiplier. For the others, multiplier: "sector" (eq:M_lambda), "slope" (units
+    of one function), "relu" (complete for kinks), "lifted" (Lyapunov functions of x and eta), a Multiplier such as
+    `Lifted(2)`, or "auto". "auto" climbs them in this order, wherever they apply, and returns the strongest that holds;
+    for a claim with nothing to improve, the first that holds. The note says how each rung fared. solver: "interior
+    point", "clarabel", or "auto", the former with the latter for what it gives up on.
 
     A matrix certificate is sufficient, not necessary: that none is found does not refute the claim.
 
-    Raises DimensionError or InvalidInputError for arguments that do not fit, SolverError when CVXPY is missing.
+    Raises DimensionError or InvalidInputError for arguments that do not fit, SolverError when a solver is missing.
 
     >>> import numpy as np
     >>> from inc_casadi import Box, DiscountedCost, LeakyReLU, Plant
@@ -54,24 +61,24 @@ def certify(plant: Any, inc: INC, claim: Claim | Regional, *, multiplier: str | 
         rungs = (as_multiplier(multiplier),)
     loop = close_loop(plant, inc)
     claim.check(plant, inc)
-    return _climb(loop, claim, rungs)
+    return _climb(loop, claim, rungs, Solvers(solver))
 
 
-def _climb(loop: ClosedLoop, claim: Claim, rungs: tuple[Multiplier, ...]) -> MatrixCertificate:
+def _climb(loop: ClosedLoop, claim: Claim, rungs: tuple[Multiplier, ...], how: Solvers) -> MatrixCertificate:
     """Return the best certificate over the rungs, with a note on each."""
-    from .lmi_search import search, unsolved
     if not loop.inc.well_posedness().holds:
-        return unsolved(loop.plant, loop.inc, claim, rungs[0], "not well posed: no search was made")
-    if len(rungs) == 1 and rungs[0].refusal(loop):
-        return unsolved(loop.plant, loop.inc, claim, rungs[0], "the multiplier does not apply: no search was made")
+        return unsolved(loop.plant, loop.inc, claim, Sector(), "not well posed: no search was made")
+    if len(rungs) == 1 and (refusal := claim.refusal(loop, rungs[0])):
+        return unsolved(loop.plant, loop.inc, claim, Sector(), f"{rungs[0].name} was asked for, but {refusal}: no search "
+                                                               "was made")
     found: list[MatrixCertificate] = []
     notes = []
     for rung in rungs:
-        skipped = len(rungs) > 1 and (rung.refusal(loop) or _too_large(loop, rung))
+        skipped = len(rungs) > 1 and (claim.refusal(loop, rung) or _too_large(loop, claim, rung))
         if skipped:
             notes.append(f"{rung.name}: not tried, {skipped}")
             continue
-        found.append(search(loop.plant, loop.inc, claim, rung))
+        found.append(search(loop.plant, loop.inc, claim, rung, solver=how.name))
         holds = found[-1].holds()
         notes.append(f"{rung.name}: " + (f"bound {found[-1].bound:.7g}" if holds else "no certificate found"))
         if holds and claim.yes_or_no:
@@ -81,14 +88,11 @@ def _climb(loop: ClosedLoop, claim: Claim, rungs: tuple[Multiplier, ...]) -> Mat
 
 def _strength(certificate: MatrixCertificate) -> tuple[bool, float]:
     """Order certificates: those that hold by what they state, the others by their worst margin."""
-    from .lmi_search import worst_margin
     if certificate.holds():
         return True, certificate.claim.merit(certificate.loop, certificate.values)
     return False, worst_margin(certificate)
 
 
-def _too_large(loop: ClosedLoop, rung: Multiplier) -> str | None:
-    bent = sum(ends is not None for ends in loop.cone)
-    if rung.name == "relu" and bent > LARGEST_RELU:
-        return f"{bent} units make more than {2 * bent ** 2} unknowns; ask for it by name"
-    return None
+def _too_large(loop: ClosedLoop, claim: Claim, rung: Multiplier) -> str | None:
+    size = sum(int(np.count_nonzero(unknown.free)) for unknown in Inequalities(loop, claim, rung).unknowns)
+    return f"{size} unknowns are more than {MOST_UNKNOWNS}; ask for it by name" if size > MOST_UNKNOWNS else None

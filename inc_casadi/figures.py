@@ -18,15 +18,15 @@ def at_least(value: float, digits: int = DIGITS) -> str:
 
 
 def at_most(value: float, digits: int = DIGITS) -> str:
-    """Return an upper bound rounded up.
+    """Return an upper bound rounded up; a number of few digits is printed as it was written.
 
-    >>> at_most(1.36496190), at_most(2.0)
-    ('1.364962', '2')
+    >>> at_most(1.36496190), at_most(0.9)
+    ('1.364962', '0.9')
     """
     return _rounded(value, ROUND_CEILING, digits)
 
 
 def _rounded(value: float, rounding: str, digits: int) -> str:
-    if value == 0 or not isfinite(value):
-        return f"{value:g}"
+    if value == 0 or not isfinite(value) or float(f"{value:.{digits}g}") == value:
+        return f"{value:.{digits}g}"
     return f"{Context(prec=digits, rounding=rounding).create_decimal_from_float(float(value)).normalize():f}"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,29 +17,36 @@ USABLE = 1e-8  # ratio of eigenvalues below which a P is no better frame than th
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Coordinates x~ = T x and s = S s~ with S = blkdiag(T^{-1}, diag of the hidden units' sizes).
+    """Coordinates x~ = T x, eta~ = eta / sizes in which the loop is of size one.
 
-    T: (n, n) invertible; S: (n+q, n+q). Conditions are looked at as S'(condition)S, a congruence, so that which numbers
-    satisfy them does not change: only how far from zero a solver sees them.
+    T: (n, n) invertible; sizes: (q,) positive. Conditions are looked at as S'(condition)S, a congruence, so that which
+    numbers satisfy them does not change: only how far from zero a solver sees them.
     """
 
     T: Array
-    S: Array
+    sizes: Array
 
     @property
-    def sizes(self) -> Array:
-        """The hidden units' sizes (q,)."""
-        return np.diag(self.S)[len(self.T):]
+    def back(self) -> Array:
+        """T^{-1}."""
+        return np.linalg.inv(self.T)
 
-    def twin(self, loop: ClosedLoop) -> ClosedLoop:
-        """Return the loop read in this frame: its matrices take s~; x+, u and x keep their units, z and eta are scaled."""
-        rows = 1.0 / self.sizes[:, None]
-        return replace(loop, F=loop.F @ self.S, G=loop.G @ self.S, X=loop.X @ self.S, Z=rows * (loop.Z @ self.S),
-                       H=rows * (loop.H @ self.S))
+    def congruence(self, loop: ClosedLoop) -> Array:
+        """Return S (width, width) with s = S s~ for a loop, widened or not: one scale for each column that is no state."""
+        n, scale = loop.n, np.ones(loop.width)
+        scale[np.argmax(loop.H, axis=1)] = self.sizes[list(loop.units)]
+        entering = slice(n + loop.q, n + loop.q + loop.inputs)
+        reach = np.linalg.norm(self.T @ loop.F[:n, entering], axis=0) if loop.F.shape[0] else np.ones(loop.inputs)
+        scale[entering] = 1.0 / np.where(reach > 0, reach, 1.0)
+        if loop.atoms:
+            scale[loop.width - len(loop.atoms):] = self.sizes[list(loop.atoms)]
+        S = np.diag(scale)
+        S[:n, :n] = self.back
+        return S
 
     def refined(self, values: Mapping[str, Array], loop: ClosedLoop) -> Frame:
         """Return the frame in which the P just found is the identity, or this one when P is of no use."""
-        P, back = values.get("P"), self.S[: loop.n, : loop.n]
+        P, back = values.get("P"), self.back
         if P is None or P.shape != back.shape:
             return self
         eigenvalues = np.linalg.eigvalsh(back.T @ P @ back)
@@ -48,27 +55,24 @@ class Frame:
         return _frame_of(P, loop) or self
 
 
-def frame_of_loop(loop: ClosedLoop, at_zero: Mapping[str, Array]) -> Frame:
+def frame_of_loop(loop: ClosedLoop, stage: Array | None = None) -> Frame:
     """Return the frame in which a linear stand-in of the loop has the identity as its cost-to-go.
 
     The stand-in replaces each unit by the middle of its sector, and damps what is unstable. A cost-to-go moves with the
     coordinates, and so does the frame: a change of units leaves the problem that the solver sees as it is.
 
-    at_zero: the claim's conditions with every unknown zero: minus the stage cost, or zero when the claim has none.
+    stage: (n+q, n+q) cost of a step, None or zero when there is none.
 
     >>> from inc_casadi import INC, Plant, close_loop
     >>> loop = close_loop(Plant([[0.5]], [[1.0]]), INC.linear([[0.0]]))
-    >>> frame_of_loop(loop, {"decrease": np.array([[-3.0]])}).T.round(3).tolist()
+    >>> frame_of_loop(loop, np.array([[3.0]])).T.round(3).tolist()
     [[2.0]]
     """
     n, q = loop.n, loop.q
     middle = (loop.lower + loop.upper)[:, None] / 2
     hidden = np.linalg.lstsq(np.eye(q) - middle * loop.Z[:, n:], middle * loop.Z[:, :n], rcond=None)[0]
     lift = np.vstack([np.eye(n), hidden])
-    weight = np.zeros((n, n))
-    for condition in at_zero.values():
-        if len(condition) == n + q:
-            weight = weight - lift.T @ condition @ lift
+    weight = np.zeros((n, n)) if stage is None else lift.T @ stage @ lift
     if not np.trace(weight) > 0:
         outputs = np.vstack([loop.G @ lift, loop.Z @ lift])
         weight = outputs.T @ outputs
@@ -85,13 +89,10 @@ def _frame_of(P: Array, loop: ClosedLoop) -> Frame | None:
         T = np.asarray(np.linalg.cholesky(P).T, dtype=float)
     except np.linalg.LinAlgError:
         return None
-    n, q = loop.n, loop.q
-    S = np.zeros((n + q, n + q))
-    S[:n, :n] = np.linalg.inv(T)
-    reads = np.linalg.norm(loop.Z[:, :n] @ S[:n, :n], axis=1)
-    acts = np.linalg.norm(T @ loop.F[:, n:], axis=0)
-    S[n:, n:] = np.diag(np.where(reads > 0, reads, 1.0 / np.maximum(1.0, acts)))
-    return Frame(T, S)
+    n = loop.n
+    reads = np.linalg.norm(loop.Z[:, :n] @ np.linalg.inv(T), axis=1)
+    acts = np.linalg.norm(T @ loop.F[:, n: n + loop.q], axis=0)
+    return Frame(T, np.where(reads > 0, reads, 1.0 / np.maximum(1.0, acts)))
 
 
 def _cost_to_go(loop: ClosedLoop, A: Array, weight: Array) -> Array:

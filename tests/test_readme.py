@@ -11,7 +11,7 @@ README = Path(__file__).parents[1] / "README.md"
 def test_the_readme_code_runs_and_gives_the_figures_it_states(tmp_path, monkeypatch, capsys):
     text = README.read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    assert len(blocks) == 1 and len(blocks[0].strip().splitlines()) <= 14
+    assert len(blocks) == 2 and len(blocks[0].strip().splitlines()) <= 14
     monkeypatch.chdir(tmp_path)
     names: dict = {}
     exec(compile(blocks[0], "README.md", "exec"), names)
@@ -28,3 +28,16 @@ def test_the_readme_code_runs_and_gives_the_figures_it_states(tmp_path, monkeypa
     from inc_casadi.__main__ import main
     assert main(["check", "result.json"]) == 0
     assert "converges" in capsys.readouterr().out
+
+
+def test_the_second_block_proves_what_is_printed(capsys):
+    text = README.read_text(encoding="utf-8")
+    block = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)[1]
+    names: dict = {}
+    exec(compile(block, "README.md", "exec"), names)
+    printed = capsys.readouterr().out
+    assert printed.count("succeeded=True") == 4
+    cost = next(line for line in printed.splitlines() if "discounted cost" in line)
+    bounds = [float(figure) for figure in re.findall(r"bound ([0-9.]+)", cost)]
+    assert bounds == pytest.approx([124.7, 53.1, 12.94, 12.28], rel=1e-3)
+    assert "124.7 (sector) to 53.1 (slope), 12.94 (relu)\nand 12.28 (lifted)" in text

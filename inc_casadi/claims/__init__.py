@@ -1,8 +1,15 @@
 """Claims, one promise per file."""
 
 from .base import Claim
+from .deviation import DeviationCost
+from .gain import L2Gain
+from .margins import Margins
 from .performance import DiscountedCost
+from .polytopic import Polytopic
 from .regional import Regional
+from .robust import Robust
 from .stability import Stability
+from .together import Together
 
-__all__ = ["Claim", "DiscountedCost", "Regional", "Stability"]
+__all__ = ["Claim", "DeviationCost", "DiscountedCost", "L2Gain", "Margins", "Polytopic", "Regional", "Robust", "Stability",
+           "Together"]

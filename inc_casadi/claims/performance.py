@@ -13,11 +13,11 @@ from ..errors import DimensionError, InvalidInputError
 from ..figures import at_most
 from ..inc import INC
 from ..loop import ClosedLoop
-from ..multipliers.base import Unknown, constant
+from ..multipliers.base import Multiplier, Unknown, constant
 from ..plant import Plant
 from ..rest import rest_output
 from ..sets import Distribution, as_distribution
-from .base import Claim
+from .base import DECREASE, POSITIVE, Claim, Graphs, descent, positive, storage
 
 REST_TOLERANCE = 1e-11  # ten times the tolerance of the fixed point
 
@@ -72,25 +72,41 @@ class DiscountedCost(Claim):
             raise DimensionError(f"Q is {self.Q.shape[0]} x {self.Q.shape[0]} and R {self.R.shape[0]} x "
                                  f"{self.R.shape[0]}, but the plant has {plant.n} states and {plant.m} inputs")
 
-    def unknowns(self, loop: ClosedLoop) -> tuple[Unknown, ...]:
-        """Return P, symmetric (n, n)."""
-        return (Unknown("P", (loop.n, loop.n), "symmetric"),)
+    def unknowns(self, graphs: Graphs) -> tuple[Unknown, ...]:
+        """Return P, symmetric, and P_0 (n, n) where V depends on hidden vectors too."""
+        n = graphs[DECREASE].n
+        return (storage(graphs), *((Unknown("P_0", (n, n), "symmetric"),) if POSITIVE in graphs else ()))
 
-    def conditions(self, loop: ClosedLoop, values: Mapping[str, Any], M: Any) -> dict[str, Any]:
-        """Return P (n, n) and the decrease (n+q, n+q)."""
-        P, F, G, X = values["P"], loop.F, loop.G, loop.X
-        Q, R, discount = constant(loop, self.Q), constant(loop, self.R), constant(loop, self.discount)
-        stage = X.T @ Q @ X + G.T @ R @ G
-        return {"P": P, "decrease": X.T @ P @ X - discount * (F.T @ P @ F) - stage - M}
+    def graphs(self, loop: ClosedLoop, multiplier: Multiplier) -> dict[str, ClosedLoop]:
+        """Return the stack of a step, and where V depends on hidden vectors that of V itself, once more for its bound."""
+        found = super().graphs(loop, multiplier)
+        return {**found, **({"initial": found[POSITIVE]} if POSITIVE in found else {})}
 
-    def objective(self, loop: ClosedLoop, values: Mapping[str, Any]) -> Any:
+    def conditions(self, graphs: Graphs, values: Mapping[str, Any], M: Mapping[str, Any]) -> dict[str, Any]:
+        """Return V > 0, the decrease, and V < x'P_0 x where V depends on hidden vectors."""
+        P, step = values["P"], graphs[DECREASE]
+        Q, R, discount = constant(step, self.Q), constant(step, self.R), constant(step, self.discount)
+        x = step.X[: step.n, :]
+        stage = x.T @ Q @ x + step.G.T @ R @ step.G
+        found = {**positive(graphs, P, M), "decrease": descent(step, P, discount) - stage - M[DECREASE]}
+        if POSITIVE in graphs:
+            rows = graphs["initial"].X
+            x = rows[: step.n, :]
+            found["initial"] = x.T @ values["P_0"] @ x - rows.T @ P @ rows - M["initial"]
+        return found
+
+    def objective(self, graphs: Graphs, values: Mapping[str, Any]) -> Any:
         """Return tr(P S0) as a 1 x 1 matrix."""
-        P, S0, rows = values["P"], self.initial.second_moment, np.eye(loop.n)
-        return sum(rows[i:i + 1] @ P @ S0[:, i:i + 1] for i in range(loop.n))
+        return mean_form(self._bounding(values), self.initial.second_moment)
 
     def bound(self, loop: ClosedLoop, values: Mapping[str, Any]) -> float:
-        """Return tr(P S0), a bound on the expected cost."""
-        return float(self.objective(loop, values).item())
+        """Return tr(P S0), a bound on the expected cost, rounded up."""
+        return rounded_up_trace(self._bounding(values), self.initial.second_moment)
+
+    @staticmethod
+    def _bounding(values: Mapping[str, Any]) -> Any:
+        """Return the matrix whose quadratic form bounds V."""
+        return values.get("P_0", values["P"])
 
     def merit(self, loop: ClosedLoop, values: Mapping[str, Any]) -> float:
         """Return minus the bound: the lower the cost the stronger."""
@@ -98,7 +114,8 @@ class DiscountedCost(Claim):
 
     def sentence(self, loop: ClosedLoop, values: Mapping[str, Any]) -> str:
         """Return the promise with its number."""
-        return (f"From every initial state x0 the discounted cost is at most x0'P x0, and its expectation over the "
+        name = "P_0" if "P_0" in values else "P"
+        return (f"From every initial state x0 the discounted cost is at most x0'{name} x0, and its expectation over the "
                 f"initial distribution is at most {at_most(self.bound(loop, values))}.")
 
     def obstacle(self, plant: Plant, inc: INC, *, exactly: bool = False) -> str | None:
@@ -121,3 +138,15 @@ class DiscountedCost(Claim):
         if np.all(offset <= REST_TOLERANCE * (np.abs(inc.V) @ np.maximum(1.0, np.abs(eta)) + np.abs(inc.d))):
             return None
         return f"the controller answers |u| = {offset.max():.3g} at x = 0, {counted}"
+
+
+def mean_form(P: Any, S: Array) -> Any:
+    """Return tr(P S) as a 1 x 1 matrix of the kind of P."""
+    rows = np.eye(len(S))
+    return sum(rows[i:i + 1] @ P @ S[:, i:i + 1] for i in range(len(S)))
+
+
+def rounded_up_trace(P: Array, S: Array) -> float:
+    """Return a float that is at least tr(P S), by less than 1e-12 of the sum of the magnitudes of its terms."""
+    terms = P * S.T
+    return float(terms.sum() + 4 * terms.size * np.finfo(float).eps * np.abs(terms).sum())

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from ..arrays import number
 from ..errors import InvalidInputError
 from ..figures import at_least, at_most
@@ -13,7 +15,7 @@ from ..inc import INC
 from ..loop import ClosedLoop
 from ..multipliers.base import Unknown, constant
 from ..plant import Plant
-from .base import Claim
+from .base import DECREASE, Claim, Graphs, descent, positive, storage, storage_form
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,25 +60,21 @@ class Stability(Claim):
             raise InvalidInputError(f"rate = {self.rate:g} must be positive: in continuous time V decays as "
                                     "exp(-rate t)")
 
-    def unknowns(self, loop: ClosedLoop) -> tuple[Unknown, ...]:
-        """Return P, symmetric (n, n)."""
-        return (Unknown("P", (loop.n, loop.n), "symmetric"),)
+    def unknowns(self, graphs: Graphs) -> tuple[Unknown, ...]:
+        """Return P, symmetric, over what V is quadratic in."""
+        return (storage(graphs),)
 
-    def conditions(self, loop: ClosedLoop, values: Mapping[str, Any], M: Any) -> dict[str, Any]:
-        """Return P (n, n) and the decrease (n+q, n+q)."""
-        P, F, X = values["P"], loop.F, loop.X
-        if loop.plant.discrete:
-            rho = constant(loop, 1.0 if self.rate is None else self.rate)
-            decrease = (rho * rho) * (X.T @ P @ X) - F.T @ P @ F - M
+    def conditions(self, graphs: Graphs, values: Mapping[str, Any], M: Mapping[str, Any]) -> dict[str, Any]:
+        """Return V > 0 and the decrease, over the stack."""
+        P, step = values["P"], graphs[DECREASE]
+        X = step.X
+        if step.plant.discrete:
+            rho = constant(step, 1.0 if self.rate is None else self.rate)
+            decrease = (rho * rho) * (X.T @ P @ X) - step.F.T @ P @ step.F - M[DECREASE]
         else:
-            alpha = constant(loop, 0.0 if self.rate is None else self.rate)
-            flow = X.T @ P @ F
-            decrease = -(flow + flow.T) - alpha * (X.T @ P @ X) - M
-        return {"P": P, "decrease": decrease}
-
-    def objective(self, loop: ClosedLoop, values: Mapping[str, Any]) -> None:
-        """Return None: any P will do."""
-        return None
+            alpha = constant(step, 0.0 if self.rate is None else self.rate)
+            decrease = descent(step, P) - alpha * (X.T @ P @ X) - M[DECREASE]
+        return {**positive(graphs, P, M), "decrease": decrease}
 
     def bound(self, loop: ClosedLoop, values: Mapping[str, Any]) -> float:
         """Return rho, or alpha in 1/s; 1 or 0 when no rate is named."""
@@ -90,6 +88,24 @@ class Stability(Claim):
         return 1.0 - rate if loop.plant.discrete else rate
 
     @property
+    def sums(self) -> bool:
+        """Whether no rate is named."""
+        return self.rate is None
+
+    @property
+    def tunable(self) -> bool:
+        """Whether the rate is left open."""
+        return self.rate is None
+
+    def at(self, level: float, loop: ClosedLoop) -> Stability:
+        """Return the claim at speed 1 - rho, or alpha."""
+        return Stability(1.0 - level if loop.plant.discrete else level)
+
+    def ceiling(self, loop: ClosedLoop) -> float:
+        """Return 1 - rho = 1, or infinity."""
+        return 1.0 if loop.plant.discrete else np.inf
+
+    @property
     def yes_or_no(self) -> bool:
         """Whether a rate was asked for."""
         return self.rate is not None
@@ -97,11 +113,11 @@ class Stability(Claim):
     def sentence(self, loop: ClosedLoop, values: Mapping[str, Any]) -> str:
         """Return the promise with its rate."""
         about = "the origin" if loop.inc.preserves_origin else "its only equilibrium x*"
+        V = storage_form(loop, values)
         if self.rate is None:
             speed = "the distance falls to zero at a rate that is not named"
         elif loop.plant.discrete:
-            speed = f"(x - x*)'P (x - x*) shrinks at least by the factor {at_most(self.rate)}^2 in every step"
+            speed = f"{V} shrinks at least by the factor {at_most(self.rate)}^2 in every step"
         else:
-            speed = f"(x - x*)'P (x - x*) decays at least as exp(-{at_least(self.rate)} t), t in seconds"
-        speed = speed.replace("(x - x*)", "x") if loop.inc.preserves_origin else speed
+            speed = f"{V} decays at least as exp(-{at_least(self.rate)} t), t in seconds"
         return f"The loop is globally exponentially stable about {about}: from every initial state, {speed}."

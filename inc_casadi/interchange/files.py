@@ -1,11 +1,17 @@
 """Save what the toolbox knows to JSON and read it back, re-validated by the constructors.
 
-A file is {"format": "inc_casadi", "version": 1, "kind": ..., "data": {field: value}}. Numbers are written with `repr`,
-so every double comes back bit for bit, and a certificate proves tomorrow what it proved today.
+A file is {"format": "inc_casadi", "version": 2, "digest": ..., "kind": ..., "data": {field: value}}. Numbers are written
+with `repr`, so every double comes back bit for bit, and a certificate proves tomorrow what it proved today.
+
+The digest is the SHA-256 of kind and data in canonical JSON (keys sorted, no spaces). It finds what went wrong by accident:
+a damaged copy, a number edited by hand and forgotten. It is not a signature: whoever alters a file on purpose can also
+compute its digest anew. Against that stands only what a certificate proves from the numbers it holds, so read its
+sentence and the plant in it, not the name of the file.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Mapping
 from dataclasses import fields
@@ -16,22 +22,24 @@ import numpy as np
 
 from ..activations import CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh
 from ..certificate import MatrixCertificate
-from ..claims import DiscountedCost, Regional, Stability
+from ..claims import DeviationCost, DiscountedCost, L2Gain, Margins, Polytopic, Regional, Robust, Stability, Together
 from ..errors import FormatError, INCError
 from ..inc import INC
-from ..multipliers import Relu, Sector
+from ..multipliers import Lifted, Relu, Sector, Slope
 from ..pieces.walk import Budget
 from ..plant import Plant
 from ..regional_certificate import RegionalCertificate
 from ..sets import Box, Ellipsoid, Empirical, Gaussian, Polytope, Uniform
 from ..spec import Spec
+from ..uncertainty import InputSector, NormBounded
 
-FORMAT, VERSION = "inc_casadi", 1
+FORMAT, VERSION = "inc_casadi", 2
+HEADER = ("format", "version", "digest")
 
 KINDS: tuple[type, ...] = (
-    Plant, INC, Spec, Box, Polytope, Ellipsoid, Uniform, Gaussian, Empirical, Stability, DiscountedCost, Regional,
-    Sector, Relu, MatrixCertificate, RegionalCertificate, Budget, CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU,
-    Saturation, Tanh,
+    Plant, INC, Spec, Box, Polytope, Ellipsoid, Uniform, Gaussian, Empirical, Stability, DiscountedCost, DeviationCost,
+    L2Gain, Margins, Robust, Polytopic, Together, Regional, InputSector, NormBounded, Sector, Slope, Relu, Lifted,
+    MatrixCertificate, RegionalCertificate, Budget, CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh,
 )
 """The dataclasses that a file may hold, each written field by field under its class's name; add a class to save it."""
 
@@ -51,7 +59,9 @@ def save(noun: Any, path: str | Path) -> None:
         known = ", ".join(kind.__name__ for kind in KINDS)
         raise FormatError(f"{type(noun).__name__} cannot be saved: it is not one of {known}")
     try:
-        text = json.dumps({"format": FORMAT, "version": VERSION, **_encoded(noun)}, indent=1, allow_nan=False)
+        content = _encoded(noun)
+        header = {"format": FORMAT, "version": VERSION, "digest": digest(content)}
+        text = json.dumps(header | content, indent=1, allow_nan=False)
     except ValueError as error:
         raise FormatError(f"{type(noun).__name__} cannot be saved: {error}") from error
     Path(path).write_text(text + "\n", encoding="utf-8")
@@ -60,8 +70,8 @@ def save(noun: Any, path: str | Path) -> None:
 def load(path: str | Path) -> Any:
     """Return what `save` wrote.
 
-    Raises FormatError when the file is not such a file, is of another version, has missing or unknown entries, or holds
-    values that the constructor refuses; OSError when it cannot be read.
+    Raises FormatError when the file is not such a file, is of another version, was altered, has missing or unknown
+    entries, or holds values that the constructor refuses; OSError when it cannot be read.
     """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"), parse_constant=_refuse_constant)
@@ -69,9 +79,32 @@ def load(path: str | Path) -> Any:
         raise FormatError(f"{path} is not a JSON file of this toolbox: {error}") from error
     if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise FormatError(f"{path} is not a file of this toolbox: its format is not {FORMAT!r}")
-    if content.get("version") != VERSION or isinstance(content.get("version"), bool):
+    if content.get("version") != VERSION or type(content["version"]) is not int:
         raise FormatError(f"{path} has version {content.get('version')!r}, but this toolbox reads version {VERSION}")
-    return _decoded({key: value for key, value in content.items() if key not in ("format", "version")}, str(path))
+    held = {key: value for key, value in content.items() if key not in HEADER}
+    _refuse_alteration(held, content.get("digest"), str(path))
+    return _decoded(held, str(path))
+
+
+def digest(content: Any) -> str:
+    """Return the SHA-256 of JSON content in canonical form: keys sorted, no spaces, numbers as `repr` writes them.
+
+    Raises ValueError for a number that is not finite.
+
+    >>> digest({"b": 1.0, "a": [1]}) == digest({"a": [1], "b": 1.0}) != digest({"a": [1], "b": 1})
+    True
+    """
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode("ascii")).hexdigest()
+
+
+def _refuse_alteration(held: dict[str, Any], stated: Any, where: str) -> None:
+    try:
+        found = digest(held)
+    except ValueError as error:
+        raise FormatError(f"{where} holds a number that is not finite: {error}") from error
+    if stated != found:
+        raise FormatError(f"{where} was altered after it was saved: its digest is {stated!r}, but its content has {found!r}")
 
 
 def _encoded(value: Any) -> Any:

@@ -16,11 +16,14 @@ PLANT = Plant([[1.2]], [[1.0]])
 INC_W = INC([[0.3, 0.2], [0.2, 0.3]], [[1.0], [-1.0]], [[-0.7, 0.7]], [[0.0]], activation=LeakyReLU(0.5))
 CLAIM = DiscountedCost([[1.0]], [[0.05]], 0.98, Box([-1.0], [1.0]))
 PAPER = MatrixCertificate(PLANT, INC_W, CLAIM, "sector", {"P": [[1.3006]], "Lambda": [0.7749, 0.7749]})
+ILL = replace(INC_W, W=np.array([[0.3, 0.2], [4.0, 0.3]]))
 
 
 def refused(certificate):
-    proof = certificate.prove()
-    assert isinstance(proof, Proof) and not proof and proof.reason
+    for method in ("auto", "float", "exact"):
+        proof = certificate.prove(method)
+        assert isinstance(proof, Proof) and not proof and proof.reason
+    assert not certificate.surely() and not certificate.surely(99)
     assert not certificate.holds() and certificate.reason
     assert certificate.sentence.startswith("Not certified: ")
     with pytest.raises(NotCertifiedError):
@@ -31,7 +34,12 @@ def refused(certificate):
 def test_the_paper_certificate_stands():
     assert PAPER.holds() and PAPER.require() is PAPER and PAPER.reason == ""
     proof = PAPER.prove()
-    assert proof and proof.reason == "" and proof.seconds < 0.5 and "exact" in proof.method
+    assert proof and proof.reason == "" and proof.seconds < 0.5
+    assert proof.method == "floating point with every rounding bounded" and PAPER.prove("float").method == proof.method
+    settled = PAPER.prove(method="exact")
+    assert settled and settled.reason == "" and settled.method == "exact rational arithmetic"
+    with pytest.raises(InvalidInputError, match="method is 'fast', but must be 'auto', 'float' or 'exact'"):
+        PAPER.prove("fast")
     assert "at most 0.4335" in str(PAPER)
 
 
@@ -45,7 +53,7 @@ def scaled(name, factor):
     {"plant": Plant([[1.21]], [[1.0]])}, {"plant": Plant([[1.2]], [[0.99]])}, {"plant": Plant([[1.2]], [[1.0]], [[1.01]])},
     {"inc": replace(INC_W, V=np.array([[-0.6, 0.7]]))}, {"inc": replace(INC_W, U=np.array([[1.0], [-0.9]]))},
     {"inc": replace(INC_W, K=np.array([[0.01]]))}, {"inc": replace(INC_W, W=np.zeros((2, 2)))},
-    {"inc": replace(INC_W, W=np.array([[0.3, 0.2], [4.0, 0.3]]))},
+    {"inc": ILL, "values": {**PAPER.values, "T": [1.0, 1.0]}}, {"inc": ILL, "values": {**PAPER.values, "T": [20.0, 1.0]}},
     {"inc": replace(INC_W, activation=LeakyReLU(0.49))}, {"inc": replace(INC_W, activation=Tanh())},
     {"inc": replace(INC_W, d=np.array([0.1]))},
     {"claim": replace(CLAIM, Q=np.array([[1.001]]))}, {"claim": replace(CLAIM, R=np.array([[0.051]]))},
@@ -70,6 +78,20 @@ def test_values_must_be_those_that_are_asked_for():
         replace(PAPER, plant=Plant([[1.2]], [[1.0]], dt=0))
 
 
+def test_a_product_that_the_multiplier_may_not_use_is_refused():
+    # Links between a ReLU and a tanh, or of a unit with itself, are no products that soundness is shown for.
+    law = INC(np.zeros((3, 3)), [[1.0], [0.5], [0.3]], [[0.1, 0.1, 0.1]], [[0.0]], activation=(ReLU(), ReLU(), Tanh()))
+    links = np.zeros((3, 3))
+    links[0, 1] = 0.1
+    values = {"P": [[9.0]], "r": [1.0, 1.0, 1.0], "O": links}
+    assert MatrixCertificate(Plant([[0.5]], [[1.0]]), law, Stability(0.9), "slope", values).holds()
+    for i, j in ((0, 0), (0, 2), (2, 1)):
+        forbidden = links.copy()
+        forbidden[i, j] = 0.1
+        with pytest.raises(InvalidInputError, match="O has an entry that must be zero"):
+            MatrixCertificate(Plant([[0.5]], [[1.0]]), law, Stability(0.9), "slope", {**values, "O": forbidden})
+
+
 def test_nothing_can_be_changed_afterwards():
     with pytest.raises(FrozenInstanceError):
         PAPER.note = "better"
@@ -85,11 +107,15 @@ def test_a_sign_that_only_the_proof_of_soundness_needs_is_checked():
     good = MatrixCertificate(Plant([[0.5]], [[1.0]]), idle, Stability(0.6), "sector",
                              {"P": [[10.0]], "Lambda": [0.1, 1.0]})
     assert good.holds() and good.prove()
-    values = {"N_sigma": np.zeros((2, 2)), "N_nu": np.zeros((2, 2)), "N_cross": [[-1.0, -1e-9], [0.0, -1.0]], "P": [[9.0]]}
-    relu = MatrixCertificate(Plant([[0.5]], [[1.0]]), idle, Stability(0.6), "relu", values)
-    assert relu.margins()["decrease"] > 0 and relu.margins()["N_cross >= 0"] == -1e-9
+    # h = (sigma_1, nu_1, sigma_2, nu_2): sigma_1 nu_2 is a product that may be positive, sigma_1 nu_1 is always zero.
+    N = np.zeros((4, 4))
+    N[[0, 1, 2, 3], [1, 0, 3, 2]] = -1.0
+    low = N.copy()
+    low[0, 3] = low[3, 0] = -1e-9
+    relu = MatrixCertificate(Plant([[0.5]], [[1.0]]), idle, Stability(0.6), "relu", {"P": [[9.0]], "N": low})
+    assert relu.margins()["decrease"] > 0 and relu.margins()["N >= 0"] == -1e-9
     assert refused(relu)
-    assert replace(relu, values={**values, "N_cross": -np.eye(2)}).prove()
+    assert replace(relu, values={"P": [[9.0]], "N": N}).prove()
 
 
 def test_a_decrease_without_a_positive_function_proves_nothing():
@@ -154,8 +180,8 @@ def test_margins_say_how_far():
 
 
 def test_the_reason_names_the_assumption():
-    ill = replace(PAPER, inc=replace(INC_W, W=np.array([[0.3, 0.2], [4.0, 0.3]])))
-    assert "lambda_pf(S|W|)" in ill.reason and "thm:wellposed" in ill.prove().reason
+    ill = replace(PAPER, inc=ILL, values={**PAPER.values, "T": [20.0, 1.0]})
+    assert "Perron-Frobenius radius 1.19" in ill.reason and "thm:wellposed" in ill.prove().reason
     assert ill.margins()["well-posed"] < 0
     shifted = replace(PAPER, inc=replace(INC_W, d=np.array([0.1])))
     assert "equilibrium x*" in shifted.reason and "equilibrium x*" in shifted.prove().reason
@@ -163,6 +189,19 @@ def test_the_reason_names_the_assumption():
     assert "Lambda has a negative entry" in negative.prove().reason
     weak = replace(PAPER, values=scaled("P", 0.99))
     assert "sector multiplier, the condition 'decrease' has the relative margin -" in weak.reason
+
+
+def test_a_law_that_only_the_multiplier_T_proves_well_posed():
+    # eta = relu(-3 eta + 2 x): Picard's iteration diverges, 2T - TW - W'T = 8 T > 0.
+    law, plant = INC([[-3.0]], [[2.0]], [[-0.3]], [[0.1]]), Plant([[0.5]], [[1.0]])
+    good = MatrixCertificate(plant, law, Stability(0.8), "sector", {"P": [[1.0]], "Lambda": [0.2], "T": [1.0]})
+    assert good.holds() and good.prove() and good.prove("exact") and good.margins()["well-posed"] > 0
+    assert refused(replace(good, values={**good.values, "T": [0.0]}))
+    assert refused(replace(good, values={**good.values, "T": [-1.0]}))
+    with pytest.raises(InvalidInputError, match="values holds Lambda, P, but .* ask for P, Lambda, T"):
+        replace(good, values={"P": [[1.0]], "Lambda": [0.2]})
+    with pytest.raises(InvalidInputError, match="values holds Lambda, P, T, but"):
+        replace(good, inc=replace(law, W=np.array([[0.3]])))
 
 
 def test_checking_needs_numpy_alone():

@@ -1,6 +1,7 @@
 """The verb: which rung it takes, what it refuses, and that it never certifies what simulation refutes."""
 
 import re
+import sys
 
 import draws
 import numpy as np
@@ -8,9 +9,10 @@ import oracles
 import pytest
 
 from inc_casadi import INC, Box, LeakyReLU, Plant, Tanh, certify
+from inc_casadi.certificate import MatrixCertificate
 from inc_casadi.claims import DiscountedCost, Stability
 from inc_casadi.errors import DimensionError, InvalidInputError
-from inc_casadi.multipliers import Relu, Sector
+from inc_casadi.multipliers import LADDER, Lifted, Relu, Sector, Slope
 
 PLANT = Plant([[1.2]], [[1.0]])
 LAW = INC([[0.3, 0.2], [0.2, 0.3]], [[1.0], [-1.0]], [[-0.7, 0.7]], [[0.0]], activation=LeakyReLU(0.5))
@@ -19,10 +21,14 @@ COST = DiscountedCost([[1.0]], [[0.05]], 0.98, Box([-1.0], [1.0]))
 
 def test_auto_takes_the_strongest_rung_and_says_how_each_fared():
     found = certify(PLANT, LAW, COST)
-    assert found.multiplier == Relu() and found.holds()
-    assert re.fullmatch(r"sector: bound 0\.43351\d+; relu: bound 0\.35814\d*", found.note)
+    assert found.multiplier in (Relu(), Lifted()) and found.holds()
+    rungs = r"sector: bound 0\.43351\d+; slope: bound 0\.4\d+; relu: bound 0\.35814\d*; lifted: bound 0\.35814\d*"
+    assert re.fullmatch(rungs, found.note)
+    each = [certify(PLANT, LAW, COST, multiplier=rung) for rung in LADDER]
+    assert found.bound == min(one.bound for one in each) and all(one.prove() for one in each)
+    assert each[0].bound >= each[1].bound * (1 - 1e-6) >= each[2].bound * (1 - 2e-6)
     assert certify(PLANT, LAW, COST, multiplier="sector").multiplier == Sector()
-    assert certify(PLANT, LAW, COST, multiplier=Relu()).bound == pytest.approx(found.bound)
+    assert certify(PLANT, LAW, COST, multiplier=Relu()).bound == pytest.approx(found.bound, rel=1e-5)
 
 
 def test_auto_stops_at_the_first_rung_that_proves_a_given_rate():
@@ -34,16 +40,17 @@ def test_auto_stops_at_the_first_rung_that_proves_a_given_rate():
 
 def test_auto_keeps_the_weaker_rung_when_the_stronger_finds_nothing(monkeypatch):
     from inc_casadi import lmi_search
-    search = lmi_search.search
+    module, search = sys.modules["inc_casadi.certify"], lmi_search.search
 
-    def without_relu(plant, inc, claim, multiplier):
-        fails = multiplier == Relu()
-        return lmi_search.unsolved(plant, inc, claim, multiplier, "") if fails else search(plant, inc, claim, multiplier)
+    def sector_only(plant, inc, claim, multiplier, **how):
+        if multiplier != Sector():
+            return lmi_search.unsolved(plant, inc, claim, multiplier, "")
+        return search(plant, inc, claim, multiplier, **how)
 
-    monkeypatch.setattr(lmi_search, "search", without_relu)
+    monkeypatch.setattr(module, "search", sector_only)
     found = certify(PLANT, LAW, COST)
     assert found.holds() and found.multiplier == Sector()
-    assert re.fullmatch(r"sector: bound 0\.43351\d+; relu: no certificate found", found.note)
+    assert re.fullmatch(r"sector: bound 0\.43351\d+; (\w+: no certificate found(; |$)){3}", found.note)
 
 
 def test_auto_falls_back_where_relu_does_not_apply():
@@ -51,11 +58,12 @@ def test_auto_falls_back_where_relu_does_not_apply():
     found = certify(Plant([[0.9]], [[1.0]]), tanh, COST)
     assert found.holds() and found.multiplier == Sector() and "relu: not tried" in found.note
     refused = certify(Plant([[0.9]], [[1.0]]), tanh, COST, multiplier="relu")
-    assert not refused.holds() and "linear on each half line" in refused.reason
+    assert not refused.holds() and not refused.prove()
+    assert "relu was asked for" in refused.note and "needs a hidden unit with a kink" in refused.note
 
 
 def test_no_search_is_made_for_an_ill_posed_controller(monkeypatch):
-    monkeypatch.setattr("inc_casadi.lmi_search.search", None)
+    monkeypatch.setattr(sys.modules["inc_casadi.certify"], "search", None)
     ill = INC([[1.0]], [[1.0]], [[0.1]], [[0.0]])
     for claim in (Stability(), Stability(0.9), COST):
         found = certify(PLANT, ill, claim)
@@ -69,7 +77,8 @@ def test_accepts_a_control_state_space():
 
 
 def test_refusals_at_the_door():
-    with pytest.raises(InvalidInputError, match="'circle', but must be a Multiplier or one of 'sector', 'relu'"):
+    with pytest.raises(InvalidInputError, match="'circle', but must be a Multiplier or one of 'sector', 'slope', "
+                                                "'relu', 'lifted'"):
         certify(PLANT, LAW, COST, multiplier="circle")
     with pytest.raises(InvalidInputError, match="inc must be an INC"):
         certify(PLANT, np.eye(2), COST)
@@ -83,6 +92,15 @@ def test_refusals_at_the_door():
         certify(Plant([[1.2]], [[1.0]], dt=0), LAW, COST)
 
 
+def with_hidden(certificate, x):
+    """What V is quadratic in along states (n, N, T): x, or (x, eta_0) on the lifted rung."""
+    plant, inc = certificate.plant, certificate.inc
+    if len(certificate.values["P"]) == plant.n:
+        return x
+    eta = [oracles.hidden(inc, plant.C @ x[..., k]) for k in range(x.shape[-1])]
+    return np.concatenate([x, np.stack(eta, axis=-1)])
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_what_holds_is_true_on_trajectories(seed):
     """Random loops from harmless to unstable: whatever is certified must be seen, and what diverges never is."""
@@ -94,7 +112,7 @@ def test_what_holds_is_true_on_trajectories(seed):
     stable = certify(plant, inc, Stability(0.98))
     if stable.holds():
         assert stable.prove()
-        V = oracles.quadratic(stable.values["P"], x)
+        V = oracles.quadratic(stable.values["P"], with_hidden(stable, x))
         assert np.all(V[:, 1:] <= 0.98**2 * V[:, :-1] * (1 + 1e-9) + 1e-300)
     else:
         assert not stable.prove()
@@ -103,7 +121,8 @@ def test_what_holds_is_true_on_trajectories(seed):
     if cost.holds():
         assert cost.prove()
         paid = oracles.discounted_cost(x, u, claim.Q, claim.R, claim.discount)
-        assert np.all(paid <= oracles.quadratic(cost.values["P"], x0) * (1 + 1e-9))
+        form = cost.values.get("P_0", cost.values["P"])
+        assert np.all(paid <= oracles.quadratic(form, x0) * (1 + 1e-9))
 
 
 def test_a_loop_that_diverges_is_never_certified():
@@ -127,3 +146,22 @@ def test_no_hidden_unit_at_all():
         assert found.holds() and found.prove()
     flow = certify(Plant(np.diag([-0.5, -0.2, -3.0]), np.ones((3, 2)), dt=0), law, Stability(0.39))
     assert flow.prove()
+
+
+@pytest.mark.parametrize("solver", ["interior point", "clarabel"])
+def test_the_solver_is_a_choice_that_does_not_change_the_answer(solver):
+    found = certify(PLANT, LAW, COST, multiplier="relu", solver=solver)
+    assert found.prove() and found.bound == pytest.approx(certify(PLANT, LAW, COST, multiplier="relu").bound, rel=1e-5)
+
+
+def test_an_unknown_solver_is_refused():
+    with pytest.raises(InvalidInputError, match="solver is 'mosek', but must be one of 'auto', 'interior "
+                                                "point', 'clarabel'"):
+        certify(PLANT, LAW, COST, solver="mosek")
+
+
+def test_the_ladder():
+    assert [rung.name for rung in LADDER] == ["sector", "slope", "relu", "lifted"]
+    assert certify(PLANT, LAW, Stability(0.5), multiplier="slope").multiplier == Slope()
+    assert certify(PLANT, LAW, Stability(0.5), multiplier=Lifted(2)).multiplier == Lifted(2)
+    assert isinstance(certify(PLANT, LAW, Stability(0.5)), MatrixCertificate)

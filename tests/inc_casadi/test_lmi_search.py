@@ -1,17 +1,18 @@
 """The search finds what is there, in any units, and gives back its best numbers where nothing is."""
 
 import sys
+from dataclasses import replace
 
 import draws
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
-from inc_casadi import INC, Box, Gaussian, Plant, ReLU, close_loop
+from inc_casadi import INC, Box, Gaussian, Plant, ReLU
 from inc_casadi import lmi_search as lmi
 from inc_casadi.claims import DiscountedCost, Stability
 from inc_casadi.errors import SolverError
-from inc_casadi.lmi_frame import frame_of_loop
+from inc_casadi.lmi_problem import Solution
 from inc_casadi.multipliers import Relu, Sector
 
 
@@ -110,8 +111,8 @@ def test_the_best_rate_of_a_linear_loop_is_its_spectral_rate(plant, rate):
 
 def test_the_best_rate_survives_a_change_of_coordinates_and_needs_few_solves(monkeypatch):
     rng = np.random.default_rng(63)
-    calls, solve = [], lmi._solve
-    monkeypatch.setattr(lmi, "_solve", lambda *arguments: calls.append(1) or solve(*arguments))
+    calls, solve = [], lmi.Solvers.solve
+    monkeypatch.setattr(lmi.Solvers, "solve", lambda *arguments, **how: calls.append(1) or solve(*arguments, **how))
     plant, inc = draws.plant(rng, dt=0), draws.controller(rng, gain=0.05)
     T = np.linalg.qr(rng.normal(size=(3, 3)))[0] @ np.diag([1.0, 1e2, 1e4])
     moved = Plant(T @ plant.A @ np.linalg.inv(T), T @ plant.B, plant.C @ np.linalg.inv(T), dt=0)
@@ -126,39 +127,30 @@ def test_a_deadbeat_loop():
     assert found.prove() and found.bound < 1e-3
 
 
-def test_the_frame_moves_with_the_coordinates():
-    plant, inc, claim, rng = cost_problem()
-    T = np.diag([1.0, 10.0, 0.1]) @ np.linalg.qr(rng.normal(size=(3, 3)))[0]
-    moved_plant, moved_claim = transformed(plant, claim, T)
-    frames = []
-    for where, what in ((plant, claim), (moved_plant, moved_claim)):
-        loop = close_loop(where, inc)
-        at_zero = what.conditions(loop, {"P": np.zeros((3, 3))}, np.zeros((8, 8)))
-        frames.append(frame_of_loop(loop, at_zero))
-    here, there = frames
-    np.testing.assert_allclose(T.T @ there.T.T @ there.T @ T, here.T.T @ here.T, rtol=1e-3, atol=1e-3)
-    np.testing.assert_allclose(np.diag(there.S)[3:], np.diag(here.S)[3:], rtol=1e-3)
-    P = here.T.T @ np.diag([1.0, 2.0, 3.0]) @ here.T
-    turn = here.refined({"P": P}, close_loop(plant, inc)).T
-    np.testing.assert_allclose(turn.T @ turn, P, rtol=1e-9)
-    assert here.refined({"P": -P}, close_loop(plant, inc)) is here and here.refined({}, close_loop(plant, inc)) is here
-    x, eta = rng.normal(size=3), rng.normal(size=5)
-    twin, s = here.twin(loop := close_loop(plant, inc)), np.concatenate([x, eta])
-    tilde = np.concatenate([here.T @ x, eta / here.sizes])
-    np.testing.assert_allclose(here.S @ tilde, s)
-    np.testing.assert_allclose(twin.F @ tilde, loop.F @ s)
-    np.testing.assert_allclose(here.sizes * (twin.Z @ tilde), loop.Z @ s)
-    np.testing.assert_allclose(here.sizes * (twin.H @ tilde), eta)
-
-
 def test_a_missing_solver_is_said_so(monkeypatch):
-    monkeypatch.setitem(sys.modules, "cvxpy", None)
-    with pytest.raises(SolverError, match="pip install cvxpy"):
-        lmi.search(Plant([[0.5]], [[1.0]]), INC.linear([[0.0]]), Stability(0.9), Sector())
+    monkeypatch.setitem(sys.modules, "clarabel", None)
+    plant, law = Plant([[0.5]], [[1.0]]), INC.linear([[0.0]])
+    with pytest.raises(SolverError, match="pip install clarabel"):
+        lmi.search(plant, law, Stability(0.9), Sector(), solver="clarabel")
+    for solver in ("auto", "interior point"):  # which need nothing
+        assert lmi.search(plant, law, Stability(0.9), Sector(), solver=solver).holds()
+
+
+def test_where_the_interior_point_method_stalls_clarabel_is_asked_if_it_is_there(monkeypatch):
+    from inc_casadi import interior_point
+    stalled = Solution(np.full(3, np.nan), None, "stalled", np.inf, 1)
+    monkeypatch.setattr(interior_point, "solve", lambda problem, **how: replace(stalled, y=np.zeros(problem.size)))
+    plant, law = Plant([[0.5]], [[1.0]]), INC.linear([[0.0]])
+    assert lmi.search(plant, law, Stability(0.9), Sector()).holds()
+    assert not lmi.search(plant, law, Stability(0.9), Sector(), solver="interior point").holds()
+    monkeypatch.setitem(sys.modules, "clarabel", None)
+    assert not lmi.search(plant, law, Stability(0.9), Sector()).holds()
 
 
 def test_a_solver_that_gives_nothing_leaves_a_certificate_that_does_not_hold(monkeypatch):
-    monkeypatch.setattr(lmi, "_run", lambda cp, problem: False)
+    nothing = Solution(np.zeros(0), None, "limit", np.inf, 0)
+    monkeypatch.setattr(lmi.Solvers, "solve", lambda self, problem, **how:
+                        replace(nothing, y=np.full(problem.size, np.nan)))
     for claim in (Stability(0.9), Stability(), DiscountedCost([[1.0]], [[1.0]], 0.9, Box([-1.0], [1.0]))):
         found = lmi.search(Plant([[0.5]], [[1.0]]), INC.linear([[0.0]]), claim, Sector())
         assert not found.holds() and "no numbers" in found.note

@@ -18,6 +18,7 @@ from inc_casadi.errors import (
     NotCertifiedError,
     NotStabilizableError,
 )
+from inc_casadi.interchange.files import digest
 from synthesis import load_result, synthesize
 from synthesis.attempts import attempt, plan
 from synthesis.competitors import keeps_limits
@@ -86,12 +87,16 @@ def test_a_result_opens_again_with_its_proof_checkable(quick, tmp_path):
     assert again.certificate.prove().succeeded
     assert again.figures["best static linear gain"] == quick.linear["best static linear gain"]
     text = path.read_text()
-    path.write_text(text.replace('"version": 1', '"version": 7'))
+    path.write_text(text.replace('"version": 2', '"version": 7'))
     with pytest.raises(FormatError, match="version 7"):
         load_result(path)
     quick.save(path)
     content = json.loads(path.read_text())
     content["map"]["plant"]["data"]["A"]["array"][0] = 1.05
+    path.write_text(json.dumps(content))
+    with pytest.raises(FormatError, match="was altered after it was saved"):
+        load_result(path)
+    content["digest"] = digest({"map": content["map"]})  # as whoever alters a file on purpose would
     path.write_text(json.dumps(content))
     with pytest.raises(FormatError, match="about another plant or controller"):
         load_result(path)

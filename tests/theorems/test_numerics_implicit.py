@@ -45,7 +45,8 @@ def test_lambda_max_of_the_published_certificate():
     M = weight * (-Z.T @ Z + 1.5 * (H.T @ Z + Z.T @ H) - 2 * H.T @ H)
     typed = 0.98 * P * F.T @ F - P * X.T @ X + X.T @ X + 0.05 * G.T @ G + M
     loop, values = close_loop(PLANT, LAWS["implicit"]), {"P": np.array([[P]]), "Lambda": np.full(2, weight)}
-    decrease = CLAIM.conditions(loop, values, Sector().matrix(loop, values))["decrease"]
+    graphs = CLAIM.graphs(loop, Sector())
+    decrease = CLAIM.conditions(graphs, values, {"decrease": Sector().matrix(graphs["decrease"], values)})["decrease"]
     np.testing.assert_allclose(-decrease, typed, atol=1e-15)
     assert np.linalg.eigvalsh(typed)[-1] == pytest.approx(-2.228e-5, abs=5e-9)
     certificate = MatrixCertificate(PLANT, LAWS["implicit"], CLAIM, "sector", values)

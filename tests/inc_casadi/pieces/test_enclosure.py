@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import posed
 import pytest
 
 from inc_casadi import INC, Box, LeakyReLU, Plant, Regional, ReLU, Saturation
@@ -177,3 +178,37 @@ def test_the_tail_counts_with_where_the_pieces_arrive():
     costs = [enclose(loop, claim, far, [quiet(np.ones(1), np.ones(1))], Arrival(1, np.array([x]), 1.0), 1e-60)
              for x in (1.0, 50.0)]
     assert costs[1].cost - costs[0].cost >= 190 * costs[1].rounding * 1.5
+
+
+def posed_setting(seed):
+    inc = posed.mpc_law(horizon=3 + seed % 2, step=0.1)
+    claim = Regional(Box(-0.8 * np.ones(2), 0.8 * np.ones(2)), None, np.eye(2), [[0.05]], 0.98)
+    loop = PiecewiseLoop(posed.PLANT, inc)
+    terminal, why = find(loop, claim)
+    assert terminal is not None and not inc.well_posedness().contracts, why
+    return posed.PLANT, inc, claim, loop, terminal
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_under_a_multiplier_input_errors_stay_within_the_bound(seed):
+    """Both sources of error at one step: a state off by r, and a law prolonged beyond its piece."""
+    plant, inc, claim, loop, terminal = posed_setting(seed)
+    rng = np.random.default_rng(seed)
+    x = rng.uniform(-1, 1, (2, 400))
+    off = x + 1e-4 * rng.choice([-1, 1], x.shape)
+    found = enclose(loop, claim, terminal, [quiet(np.ones(2), np.ones(1))], ends(n=2), 1e-9)
+    scaled = enclose(loop, claim, terminal, [quiet(np.ones(2), np.ones(1))], ends(n=2), 1e-9 * 1e-4 / found.rounding)
+    assert scaled.rounding == pytest.approx(1e-4)
+    assert np.all(np.abs(inc(off) - inc(x)).max(axis=1) <= scaled.inputs[0] * (1 + 1e-6))
+    patterns = loop.patterns_at(x.T)
+    distinct, which = loop.distinct(patterns)
+    laws = loop.laws(distinct)
+    near = x.T + 0.2 * rng.standard_normal(x.T.shape)
+    z = (laws.Zx[which] @ near[:, :, None])[:, :, 0] + laws.z0[which]
+    beyond = np.maximum(np.maximum(laws.low[which] - z, z - laws.high[which]), 0).max(axis=1)
+    wrong = np.abs((laws.Gx[which] @ near[:, :, None])[:, :, 0] + laws.g[which] - inc(near.T).T)
+    used = beyond > 1e-6
+    assert used.sum() > 20 and wrong[used].max() > 1e-4
+    for t, gap in zip(beyond[used], wrong[used], strict=True):
+        steps = [quiet(np.ones(2), np.ones(1), beyond=float(t))]
+        assert np.all(gap <= enclose(loop, claim, terminal, steps, ends(n=2)).inputs[0])
