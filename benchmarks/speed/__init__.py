@@ -1,9 +1,11 @@
 """Wall times, each beside its target."""
 
+from .certification import certification, certification_table, certification_targets
 from .evaluation import evaluation
 from .exact_cost import exact_cost
 from .imports import imports
 from .main_job import main_job
 from .measurement import Measurement, table
 
-__all__ = ["Measurement", "evaluation", "exact_cost", "imports", "main_job", "table"]
+__all__ = ["Measurement", "certification", "certification_table", "certification_targets",
+           "evaluation", "exact_cost", "imports", "main_job", "table"]
