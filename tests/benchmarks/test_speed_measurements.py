@@ -34,3 +34,15 @@ def test_every_way_to_evaluate_is_measured():
     rows = evaluation((5,))
     assert [row.name for row in rows] == [f"evaluate, q = 5, {way}" for way in ("Newton", "Picard", "CasADi")]
     assert all(row.value > 0 for row in rows)
+
+
+def test_the_search_for_certificates_is_measured_side_by_side():
+    from benchmarks.speed import certification, certification_table, certification_targets
+    rows = certification(((3, 5),))
+    bounds = {row.bound for row in rows if row.multiplier == "sector"}
+    assert len(rows) == 6 and max(bounds) < min(bounds) * (1 + 1e-4)
+    ours = [row for row in rows if row.solver == "interior point"]
+    assert all(row.proved and row.eigenvalue < 0 for row in ours)
+    text = certification_table(rows)
+    assert "CVXPY + Clarabel" in text and text.count("\n") == 6
+    assert certification_targets(rows) == []
