@@ -49,7 +49,7 @@ def test_conditions_are_those_of_the_cost():
 def test_deviations_cost_at_most_what_is_promised(units, multiplier, discount):
     rng = np.random.default_rng(91)
     plant = draws.plant(rng, n=2, m=1, p=2)
-    inc = draws.controller(rng, m=1, p=2, units=units, gain=0.15, bias=1.0)
+    inc = draws.controller(rng, m=1, p=2, norm=0.3, units=units, gain=0.15, bias=1.0)
     initial = Gaussian([0.5, -1.0], np.diag([0.3, 2.0]))
     claim = DeviationCost(Q, R, discount, initial)
     found = certify(plant, inc, claim, multiplier=multiplier).require()
@@ -75,7 +75,7 @@ def test_deviations_cost_at_most_what_is_promised(units, multiplier, discount):
 
 def test_a_loop_that_rests_at_the_origin_costs_what_it_cost():
     rng = np.random.default_rng(92)
-    plant, inc = draws.plant(rng, n=2, m=1, p=2), draws.controller(rng, m=1, p=2, units=PIECES, gain=0.15)
+    plant, inc = draws.plant(rng, n=2, m=1, p=2), draws.controller(rng, m=1, p=2, norm=0.3, units=PIECES, gain=0.15)
     mine, its = (certify(plant, inc, kind(Q, R, 0.95, Box([-1, -1], [1, 2])), multiplier="relu").require()
                  for kind in (DeviationCost, DiscountedCost))
     assert mine.bound == pytest.approx(its.bound, rel=1e-6)

@@ -78,7 +78,7 @@ def waves(rng, r, N, K, frequency):
 def test_no_disturbance_exceeds_it(multiplier):
     rng = np.random.default_rng(42)
     plant = draws.plant(rng, n=2, m=1, p=2)
-    inc = draws.controller(rng, m=1, p=2, units=(ReLU(), ReLU(), Saturation()), gain=0.15)
+    inc = draws.controller(rng, m=1, p=2, norm=0.3, units=(ReLU(), ReLU(), Saturation()), gain=0.15)
     noisy = multiplier != Lifted()
     E, C_e, D_u, D_w = rng.normal(size=(2, 2)), rng.normal(size=(3, 2)), rng.normal(size=(3, 1)), rng.normal(size=(3, 2))
     D = 0.3 * rng.normal(size=(2, 2)) if noisy else None
@@ -97,7 +97,7 @@ def test_no_disturbance_exceeds_it(multiplier):
 def test_from_elsewhere_V_pays_for_the_start():
     rng = np.random.default_rng(43)
     plant = draws.plant(rng, n=2, m=1, p=2)
-    inc = draws.controller(rng, m=1, p=2, units=(Tanh(), ReLU()), gain=0.15)
+    inc = draws.controller(rng, m=1, p=2, norm=0.3, units=(Tanh(), ReLU()), gain=0.15)
     found = certify(plant, inc, L2Gain(np.eye(2)), multiplier="relu").require()
     x0, w = draws.points(rng, 2, 100), 0.1 * waves(rng, 2, 100, 80, 0.3)
     x, _ = uncertain.disturbed(plant, inc, x0, w, np.eye(2))
@@ -109,12 +109,12 @@ def test_from_elsewhere_V_pays_for_the_start():
 def test_continuous_time_on_trajectories():
     rng = np.random.default_rng(44)
     plant = draws.plant(rng, n=2, m=1, p=2, dt=0.0)
-    inc = draws.controller(rng, m=1, p=2, units=(ReLU(), Tanh(), ReLU()), gain=0.3)
+    inc = draws.controller(rng, m=1, p=2, norm=0.3, units=(ReLU(), Tanh(), ReLU()), gain=0.3)
     E = rng.normal(size=(2, 1))
     found = certify(plant, inc, L2Gain(E)).require()
     assert found.prove()
-    h, steps = 0.02, 500
-    tone = np.cos(np.outer(np.linspace(0, 3, 30), h * np.arange(steps)))
+    h, steps = 0.02, 400
+    tone = np.cos(np.outer(np.linspace(0, 3, 20), h * np.arange(steps)))
     x = energy = spent = 0.0
     for k in range(steps):  # w is held over a step, so its energy is exact; that of x by the trapezoidal rule
         w = tone[None, :, k]
@@ -122,7 +122,7 @@ def test_continuous_time_on_trajectories():
         def velocity(x, w=w):
             return plant.A @ x + plant.B @ oracles.control(inc, plant.C @ x) + E @ w
 
-        x = np.zeros((2, 30)) if k == 0 else x
+        x = np.zeros((2, 20)) if k == 0 else x
         k1 = velocity(x)
         k2 = velocity(x + h / 2 * k1)
         k3 = velocity(x + h / 2 * k2)
@@ -136,7 +136,7 @@ def test_continuous_time_on_trajectories():
 def test_incremental_for_a_biased_loop():
     rng = np.random.default_rng(45)
     plant = draws.plant(rng, n=2, m=1, p=2)
-    inc = draws.controller(rng, m=1, p=2, units=(ReLU(), Tanh(), ReLU()), gain=0.15, bias=1.0)
+    inc = draws.controller(rng, m=1, p=2, norm=0.3, units=(ReLU(), Tanh(), ReLU()), gain=0.15, bias=1.0)
     D = 0.3 * rng.normal(size=(2, 2))
     found = certify(plant, inc, L2Gain(np.eye(2), D=D))
     assert found.prove() and "incremental" in found.sentence and found.multiplier == Sector()

@@ -97,7 +97,7 @@ def test_a_sector_from_zero_covers_every_first_order_lag(dt):
 def test_a_nonlinear_loop_forgives_gains_and_lags():
     rng = np.random.default_rng(62)
     plant = draws.plant(rng, n=2, m=1, p=2)
-    inc = draws.controller(rng, m=1, p=2, units=(ReLU(), ReLU(), Saturation()), gain=0.15)
+    inc = draws.controller(rng, m=1, p=2, norm=0.3, units=(ReLU(), ReLU(), Saturation()), gain=0.15)
     found = certify(plant, inc, Margins(), multiplier="relu")
     assert found.prove() and 0.1 < found.bound < 2
     sector, P = InputSector.disk(found.bound), found.values["P"]

@@ -73,7 +73,7 @@ UNITS = (ReLU(), ReLU(), Saturation())
 
 def loop_with_relus(seed, gain=0.1, units=UNITS):
     rng = np.random.default_rng(seed)
-    return draws.plant(rng, n=2, m=1, p=2), draws.controller(rng, m=1, p=2, units=units, gain=gain), rng
+    return draws.plant(rng, n=2, m=1, p=2), draws.controller(rng, m=1, p=2, norm=0.3, units=units, gain=gain), rng
 
 
 @pytest.mark.parametrize("multiplier", LADDER, ids=lambda multiplier: multiplier.name)

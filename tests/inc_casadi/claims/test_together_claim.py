@@ -55,7 +55,7 @@ def test_each_claim_keeps_its_inequality_and_its_multiplier():
 def test_every_part_is_true_with_the_one_V(multiplier):
     rng = np.random.default_rng(81)
     plant = draws.plant(rng, n=2, m=1, p=2, radius=0.7)
-    inc = draws.controller(rng, m=1, p=2, units=(ReLU(), ReLU(), Saturation()), gain=0.15)
+    inc = draws.controller(rng, m=1, p=2, norm=0.3, units=(ReLU(), ReLU(), Saturation()), gain=0.15)
     cost = DiscountedCost(np.diag([1.0, 0.4]), [[0.3]], 0.97, Box([-1, -1], [1, 1]))
     claim = Together((Stability(0.95), cost, L2Gain(np.eye(2), gain=9.0), Robust(Stability(), InputSector(0.8, 1.2))))
     found = certify(plant, inc, claim, multiplier=multiplier).require()
