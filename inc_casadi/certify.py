@@ -83,6 +83,8 @@ def _climb(loop: ClosedLoop, claim: Claim, rungs: tuple[Multiplier, ...], how: S
         notes.append(f"{rung.name}: " + (f"bound {found[-1].bound:.7g}" if holds else "no certificate found"))
         if holds and claim.yes_or_no:
             break
+    if not found:
+        return unsolved(loop.plant, loop.inc, claim, Sector(), "; ".join(notes))
     return replace(max(found, key=_strength), note="; ".join(notes))
 
 

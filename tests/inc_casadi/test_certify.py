@@ -165,3 +165,8 @@ def test_the_ladder():
     assert certify(PLANT, LAW, Stability(0.5), multiplier="slope").multiplier == Slope()
     assert certify(PLANT, LAW, Stability(0.5), multiplier=Lifted(2)).multiplier == Lifted(2)
     assert isinstance(certify(PLANT, LAW, Stability(0.5)), MatrixCertificate)
+
+
+def test_a_loop_too_large_for_every_rung_is_refused_with_the_reason():
+    found = certify(Plant(0.5 * np.eye(60), np.ones((60, 1))), INC.linear(np.zeros((1, 60))), Stability(0.6))
+    assert not found.holds() and "ask for it by name" in found.note
