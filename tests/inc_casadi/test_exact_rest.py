@@ -70,6 +70,14 @@ def test_by_hand():
     assert linear.x.tolist() == [4] and linear.z.tolist() == [] and linear.u.tolist() == [2]
 
 
+def test_units_move_to_the_pieces_that_their_exact_levels_lie_in():
+    # x = 0.5 x + relu(b - x) + d with b = d: asleep at x = 2 d. Newton's method is content with x = 0, where the unit is
+    # awake; the equations of that piece have the solution x = 4 d / 3, at which it is not.
+    tiny = 2.0**-40
+    found = rest_point(Plant([[0.5]], [[1.0]]), INC([[0.0]], [[-1.0]], [[1.0]], [[0.0]], b=[tiny], d=[tiny]))
+    assert found.x.tolist() == [2 * Fraction(tiny)] and found.z.tolist() == [-Fraction(tiny)]
+
+
 def test_the_origin_is_taken_where_it_is_one_of_several():
     # x = 0.5 x + 3 relu(x - 1) at 0 and at 1.2; with 3 relu(x + 1) - 3 in place of it at 0 only.
     for b, d, level in ((-1.0, 0.0, -1), (1.0, -3.0, 1)):

@@ -225,3 +225,17 @@ def test_the_unknowns_that_straight_and_curved_units_bring():
     s = rng.normal(size=loop.width)
     off = (loop.H[1] - loop.Z[1]) @ s
     assert oracles.quadratic(Relu().matrix(loop, {**zeros, "Y": Y}), s) == pytest.approx(2 * off * (Y[0] @ s))
+
+
+def test_curved_units_keep_the_slope_multiplier_as_it_is():
+    # Beside it everything else is zero, so M is that of a loop in which only the curved units exist.
+    rng = np.random.default_rng(16)
+    plant, inc = md.square_loop(rng, (RELU, Tanh(), Identity(), Tanh()))
+    loop = Relu().widened(close_loop(plant, inc))
+    values = {u.name: np.zeros(u.shape) for u in Relu().unknowns(loop)}
+    T = np.array([[2.0, -0.5], [-0.25, 1.0]])
+    values = {**values, "r": np.diag(T), "O": np.array([[0.0, 0.5], [0.25, 0.0]])}
+    z, eta = rng.normal(size=(2, 40)), rng.normal(size=(2, 40))
+    s = np.linalg.pinv(np.vstack([loop.Z[[1, 3]], loop.H[[1, 3]]])) @ np.vstack([z, eta])
+    by_hand = 2 * np.einsum("in,ij,jn->n", z - eta, T, eta)
+    np.testing.assert_allclose(oracles.quadratic(Relu().matrix(loop, values), s), by_hand, atol=1e-9)

@@ -9,7 +9,9 @@ import oracles
 import pytest
 
 from inc_casadi import INC, CenteredLogistic, LeakyReLU, Plant, ReLU, Saturation, Tanh, close_loop
+from inc_casadi.lifting import unrolled
 from inc_casadi.multipliers import Sector, Slope
+from inc_casadi.multipliers.relu import about_rest
 
 
 @dataclass(frozen=True)
@@ -171,3 +173,20 @@ def test_refused_where_it_says_nothing_new():
     assert Slope().refusal(close_loop(*md.square_loop(rng, (ReLU(), ReLU())))) is None
     empty = close_loop(Plant(0.5 * np.eye(3), np.ones((3, 2))), INC.linear(np.zeros((2, 3))))
     assert Slope().refusal(empty) is not None
+
+
+def test_about_an_equilibrium_a_unit_is_linked_to_itself_at_another_step_only():
+    # The deviation functions of two units with one activation differ where their levels at rest do.
+    rng, rest = np.random.default_rng(9), (0.5, -0.75, 1.5)
+    units = (Saturation(),) * 3
+    plant, inc = md.square_loop(rng, units, dyadic=True, rest=rest)
+    loop = unrolled(about_rest(close_loop(plant, inc)), 1, next_too=True)
+    unknowns = {unknown.name: unknown for unknown in Slope().unknowns(loop)}
+    assert np.array_equal(~unknowns["O"].zero, np.kron(1 - np.eye(2), np.eye(3)) > 0) and "E" not in unknowns
+    eta = md.values_of(units, np.array(rest)[:, None])[:, 0]
+    at_rest = np.linalg.solve(np.eye(4) - plant.A - plant.B @ inc.K @ plant.C, plant.B @ (inc.V @ eta + inc.d))
+    x = md.states_at(plant, inc, 2 * md.levels(units, rng, 2000), rng)
+    s = md.stack(plant, inc, x, steps=1, rest=at_rest)
+    for k in range(8):
+        values = md.drawn_values(rng, Slope(), loop, tight=k % 2 == 0)
+        assert md.smallest_value(Slope().matrix(loop, values), s) >= -1e-9
