@@ -11,6 +11,7 @@ from .lmi_problem import Problem, Solution
 
 SOLVERS = ("auto", "interior point", "clarabel")
 GOOD_GAP = 1e-6  # relative gap above which a solver has given up too early
+GOOD_VIOLATION = 1e-6  # of the constraints, in a program of numbers near 1
 
 
 @dataclass(frozen=True)
@@ -46,23 +47,26 @@ class Solvers:
         return self.order(problem)[0] == "interior point"
 
     def solve(self, problem: Problem, tolerance: float = 1e-8) -> Solution:
-        """Return the first answer to rely on, or the first of all.
+        """Return the first answer to rely on, or the one that violates the constraints least.
 
         Raises SolverError when the only solver that is asked for is missing.
         """
-        first: Solution | None = None
+        found: list[Solution] = []
         for solver in self.order(problem):
             try:
-                found = _ask(solver, problem, tolerance)
+                found.append(_ask(solver, problem, tolerance))
             except SolverError:
-                if first is None:
+                if not found:
                     raise
                 break
-            if found.status in ("optimal", "infeasible") or found.gap <= max(GOOD_GAP, tolerance):
-                return found
-            first = first or found
-        assert first is not None
-        return first
+            if found[-1].status == "infeasible" or _to_rely_on(found[-1], problem, max(GOOD_GAP, tolerance)):
+                return found[-1]
+        return min(found, key=lambda solution: problem.violation(solution.y) if np.all(np.isfinite(solution.y)) else np.inf)
+
+
+def _to_rely_on(found: Solution, problem: Problem, gap: float) -> bool:
+    """Whether a point is close to optimal and satisfies the constraints as well as it says: Clarabel's "optimal" may not."""
+    return (found.status == "optimal" or found.gap <= gap) and problem.violation(found.y) <= GOOD_VIOLATION
 
 
 def _ask(solver: str, problem: Problem, tolerance: float) -> Solution:

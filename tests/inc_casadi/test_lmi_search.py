@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_lyapunov
 
-from inc_casadi import INC, Box, Gaussian, Plant, ReLU
+from inc_casadi import INC, Box, Gaussian, Plant, ReLU, close_loop
 from inc_casadi import lmi_search as lmi
 from inc_casadi.claims import DiscountedCost, Stability
 from inc_casadi.errors import SolverError
@@ -154,3 +154,16 @@ def test_a_solver_that_gives_nothing_leaves_a_certificate_that_does_not_hold(mon
     for claim in (Stability(0.9), Stability(), DiscountedCost([[1.0]], [[1.0]], 0.9, Box([-1.0], [1.0]))):
         found = lmi.search(Plant([[0.5]], [[1.0]]), INC.linear([[0.0]]), claim, Sector())
         assert not found.holds() and "no numbers" in found.note
+
+
+def test_an_answer_that_violates_the_constraints_is_not_taken_for_optimal(monkeypatch):
+    # Seen on badly scaled loops: Clarabel says optimal of a point that is off by 0.9.
+    from inc_casadi import lmi_solvers
+    from inc_casadi.lmi_assembly import assembled
+    plant, inc, claim, _ = cost_problem()
+    problem = assembled(close_loop(plant, inc), claim, Sector()).cheapest()
+    good = lmi_solvers.Solvers("interior point").solve(problem)
+    stalled, wrong = replace(good, status="stalled", gap=1e-3), replace(good, y=-good.y, status="optimal", gap=0.0)
+    assert problem.violation(wrong.y) > 1e-3
+    monkeypatch.setattr(lmi_solvers, "_ask", lambda solver, *_: wrong if solver == "clarabel" else stalled)
+    assert lmi_solvers.Solvers().solve(problem) is stalled
