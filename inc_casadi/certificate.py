@@ -26,7 +26,6 @@ from .monotone import lmi_well_posed
 from .multipliers import Multiplier, Unknown, as_multiplier
 from .plant import Plant, as_plant
 from .readings import Rational, Reading, Rounded
-from .well_posed import WellPosedness, perron_frobenius
 
 EXACT, FLOAT = "exact rational arithmetic", "floating point with every rounding bounded"
 EIGENVALUE_ROUNDING = 8.0  # eigvalsh errs by less than this times size eps norm
@@ -305,14 +304,14 @@ class MatrixCertificate(Certificate):
     def _posed_exactly(self) -> bool:
         if "T" in self.values:
             return lmi_well_posed(slopes(self.inc.activations), self.inc.W, self.values["T"], True)
-        return exact.contracts(lipschitz(self.inc.activations), self.inc.W, contraction(self.inc).weights)
+        return exact.contracts(lipschitz(self.inc.activations), self.inc.W, self.inc.contraction.weights)
 
     @cached_property
     def _posed_margin(self) -> float:
         """Positive if and only if the weights, or the stored T, prove that the fixed point is unique."""
         if "T" in self.values:
             return self._monotone_margin()
-        weights, W, slope = contraction(self.inc).weights, self.inc.W, lipschitz(self.inc.activations)
+        weights, W, slope = self.inc.contraction.weights, self.inc.W, lipschitz(self.inc.activations)
         if not (np.all(np.isfinite(weights)) and np.all(weights > 0)):
             return -np.inf
         slack = Rounded.lift(weights) - (Rounded.lift(slope[:, None]) * np.abs(W)) @ weights
@@ -336,19 +335,14 @@ class MatrixCertificate(Certificate):
                 "of the loop is defined for certain")
 
 
-def contraction(inc: INC) -> WellPosedness:
-    """Return the Perron-Frobenius test of a controller, which needs no search."""
-    return perron_frobenius(inc.W, inc.U, inc.V, inc.K, lipschitz(inc.activations))
-
-
 def posed_unknowns(inc: INC) -> tuple[Unknown, ...]:
     """Return T (q,) when Perron-Frobenius does not prove the controller well posed, so that a certificate carries it."""
-    return () if contraction(inc).contracts else (Unknown("T", (inc.q,), "nonnegative"),)
+    return () if inc.contraction.contracts else (Unknown("T", (inc.q,), "nonnegative"),)
 
 
 def posed_values(inc: INC) -> dict[str, Array]:
     """Return T of the controller's own test where a certificate carries it: zeros when none was found."""
-    if contraction(inc).contracts:
+    if inc.contraction.contracts:
         return {}
     T = inc.well_posedness().T
     return {"T": np.zeros(inc.q) if T is None else T}

@@ -13,11 +13,11 @@ from numpy.typing import ArrayLike
 
 from . import fixed_point, monotone
 from .activations import Activation, ReLU, Saturation
-from .activations.stack import Units, as_units, derivative, sectors, slopes
+from .activations.stack import Units, as_units, derivative, lipschitz, sectors, slopes
 from .arrays import Array, columns, matrix, vector
 from .errors import DimensionError, InvalidInputError, NotWellPosedError
 from .sets import Box
-from .well_posed import WellPosedness, well_posedness
+from .well_posed import WellPosedness, perron_frobenius, well_posedness
 
 
 class Adjoint(NamedTuple):
@@ -185,6 +185,11 @@ class INC:
     def preserves_origin(self) -> bool:
         """Whether b = 0, d = 0 and phi(0) = 0, so that eta = 0 and u = 0 belong to y = 0."""
         return not self.b.any() and not self.d.any() and sectors(self.activations) is not None
+
+    @cached_property
+    def contraction(self) -> WellPosedness:
+        """The Perron-Frobenius test alone (thm:wellposed), which needs no search. Computed once."""
+        return perron_frobenius(self.W, self.U, self.V, self.K, lipschitz(self.activations))
 
     @cached_property
     def _well_posedness(self) -> WellPosedness:

@@ -67,14 +67,15 @@ def search(plant: Plant, inc: INC, claim: Claim, multiplier: Multiplier, *, solv
     programs = assembled(loop, claim, multiplier)
     if start is not None:
         programs = replace(programs, frame=programs.frame.refined(start.values, loop))
-    found = list(_minimized(programs, how)) if programs.minimizes else []
-    if not any(survives(certificate) for certificate in found):
-        found += _widest(programs, how)
-        if programs.minimizes and found and survives(found[-1]):
-            refined = replace(programs, frame=programs.frame.refined(found[-1].values, loop))
-            found += _minimized(refined, how)
-    proved = [certificate for certificate in found if survives(certificate)]
-    if proved and programs.minimizes:
+    found: list[MatrixCertificate] = []
+    if programs.minimizes:
+        found, best = _minimized(programs, how)
+        if best is not None:
+            return best
+    found += _widest(programs, how)
+    if programs.minimizes and found and survives(found[-1]):
+        refined = replace(programs, frame=programs.frame.refined(found[-1].values, loop))
+        proved = [found[-1], *filter(None, [_minimized(refined, how)[1]])]
         return max(proved, key=lambda certificate: claim.merit(loop, certificate.values))
     if not found:
         return unsolved(plant, inc, claim, multiplier, "the solver returned no numbers")
@@ -87,18 +88,19 @@ def _certificate(programs: Assembly, y: Array) -> MatrixCertificate:
     return MatrixCertificate(parts.loop.plant, parts.loop.inc, parts.claim, parts.multiplier, values)
 
 
-def _minimized(programs: Assembly, how: Solvers) -> Iterator[MatrixCertificate]:
-    """Yield what minimizing gives, moved inward, or asked for with more and more slack, until the numbers survive."""
+def _minimized(programs: Assembly, how: Solvers) -> tuple[list[MatrixCertificate], MatrixCertificate | None]:
+    """Return what minimizing gives, moved inward, or asked for with more and more slack, and the first that survives."""
+    found = []
     slacks = (0.0, *SLACKS) if how.ends_inside(programs.cheapest()) else SLACKS
     for slack in slacks:
         solution = how.solve(programs.cheapest(slack))
         if solution.status == "infeasible" or not np.all(np.isfinite(solution.y)):
-            return
+            break
         for y in _inward(solution):
-            certificate = _certificate(programs, y)
-            yield certificate
-            if survives(certificate):
-                return
+            found.append(_certificate(programs, y))
+            if survives(found[-1]):
+                return found, found[-1]
+    return found, None
 
 
 def _inward(solution: Solution) -> Iterator[Array]:

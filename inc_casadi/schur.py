@@ -17,7 +17,8 @@ from .arrays import Array
 from .lmi_problem import Block, Term
 
 SAME = 13  # decimals to which two columns agree, up to their sizes, when they are taken for one
-PATCH = 2**17  # numbers in one patch of the pairs' matrix, so that a patch stays in the processor's cache
+PATCH = 2**14  # numbers in one patch of the pairs' matrix, small enough for the cache and for memory that is at hand
+NARROWEST = 64  # columns of a patch, so that large problems do not fall into slivers
 DENSE = 2**15  # numbers in a matrix of weights that is not worth storing as a sparse one
 
 
@@ -124,7 +125,8 @@ def schur(A: Coefficients, gram_x: Array, gram_z: Array) -> Array:
 
     For two pairs p = (a, b) and q = (c, d) of columns, with x_ac = u_a'X u_c and z_ac = u_a'Z u_c,
     tr(A_p X A_q Z) = (x_ac z_bd + x_ad z_bc + x_bc z_ad + x_bd z_ac) / 4,
-    so that the pairs' matrix K is a sum of products of gathered entries, and H = E K E'.
+    so that the pairs' matrix K is a sum of products of gathered entries, and H = E K E'. K is symmetric: only the patches on
+    its diagonal and, counted twice, those below them are formed, and H is what symmetrizing leaves.
 
     >>> A = coefficients(Block(np.zeros((2, 2)), (Term(np.array([[0, 1], [1, 2]]), np.eye(2), np.eye(2)),)), 3)
     >>> schur(A, A.gram(np.eye(2)), A.gram(2 * np.eye(2))).tolist()
@@ -132,20 +134,22 @@ def schur(A: Coefficients, gram_x: Array, gram_z: Array) -> Array:
     """
     size, pairs = A.weights.shape
     half = np.empty((size, pairs))
-    width = max(1, PATCH // max(pairs, 1))
+    width = max(NARROWEST, PATCH // max(pairs, 1))
     for start in range(0, pairs, width):
         part = slice(start, start + width)
-        half[:, part] = A.weights @ _pairs(A, gram_x, gram_z, part)
+        half[:, part] = A.weights[:, start:] @ _pairs(A, gram_x, gram_z, part)
     H = A.weights @ half.T
     return (H + H.T) / 2
 
 
 def _pairs(A: Coefficients, gram_x: Array, gram_z: Array, part: slice) -> Array:
-    """Return 1/4 of the sum of products for all pairs p and the pairs q of `part`, (p, len(part))."""
-    c, d = A.a[part], A.b[part]
+    """Return the sums of products for the pairs p from `part` on and the pairs q of `part`, those below `part` doubled."""
+    c, d, a, b = A.a[part], A.b[part], A.a[part.start:], A.b[part.start:]
     xc, xd, zc, zd = gram_x[:, c], gram_x[:, d], gram_z[:, c], gram_z[:, d]
-    K = xc[A.a] * zd[A.b]
-    K += xd[A.a] * zc[A.b]
-    K += xc[A.b] * zd[A.a]
-    K += xd[A.b] * zc[A.a]
-    return K / 4
+    K = xc[a] * zd[b]
+    K += xd[a] * zc[b]
+    K += xc[b] * zd[a]
+    K += xd[b] * zc[a]
+    K[: len(c)] /= 4
+    K[len(c):] /= 2
+    return K

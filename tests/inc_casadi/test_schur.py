@@ -39,6 +39,7 @@ def test_small_patches_and_sparse_weights_change_nothing(monkeypatch):
     block, size, X, Z, y = drawn()
     A = coefficients(block, size)
     monkeypatch.setattr(rooms, "PATCH", 3 * A.a.size)
+    monkeypatch.setattr(rooms, "NARROWEST", 1)
     monkeypatch.setattr(rooms, "DENSE", 0)
     B = coefficients(block, size)
     assert not isinstance(B.weights, np.ndarray)
