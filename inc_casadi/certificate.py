@@ -210,7 +210,7 @@ class MatrixCertificate(Certificate):
             return ""
         worst = min(failing, key=lambda name: failing[name])
         return (f"with the {self.multiplier.name} multiplier, the condition {worst!r} has the relative margin "
-                f"{failing[worst]:.3g}, and a positive one is needed")
+                f"{failing[worst]:.3g}, and a positive one is needed" + (f" ({self.note})" if self.note else ""))
 
     @property
     def sentence(self) -> str:

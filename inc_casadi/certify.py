@@ -68,6 +68,9 @@ def _climb(loop: ClosedLoop, claim: Claim, rungs: tuple[Multiplier, ...], how: S
     """Return the best certificate over the rungs, with a note on each."""
     if not loop.inc.well_posedness().holds:
         return unsolved(loop.plant, loop.inc, claim, Sector(), "not well posed: no search was made")
+    obstacle = claim.obstacle(loop.plant, loop.inc)
+    if obstacle:
+        return unsolved(loop.plant, loop.inc, claim, Sector(), f"{obstacle}: no search was made")
     if len(rungs) == 1 and (refusal := claim.refusal(loop, rungs[0])):
         return unsolved(loop.plant, loop.inc, claim, Sector(), f"{rungs[0].name} was asked for, but {refusal}: no search "
                                                                "was made")

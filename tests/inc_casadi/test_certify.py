@@ -170,3 +170,12 @@ def test_the_ladder():
 def test_a_loop_too_large_for_every_rung_is_refused_with_the_reason():
     found = certify(Plant(0.5 * np.eye(60), np.ones((60, 1))), INC.linear(np.zeros((1, 60))), Stability(0.6))
     assert not found.holds() and "ask for it by name" in found.note
+
+
+def test_the_reason_names_what_stood_in_the_way_of_a_search():
+    tanh = INC([[0.1]], [[1.0]], [[-0.2]], [[0.0]], activation=Tanh())
+    refused = certify(Plant([[0.9]], [[1.0]]), tanh, Stability(0.95), multiplier="relu")
+    assert "relu was asked for, but the relu multiplier needs a hidden unit with a kink" in refused.reason
+    shifted = INC([[0.1]], [[1.0]], [[-0.2]], [[0.0]], d=[1.0], activation=Tanh())
+    biased = certify(Plant([[0.9]], [[1.0]]), shifted, COST)
+    assert "equilibrium x*" in biased.reason and "no search was made" in biased.note
