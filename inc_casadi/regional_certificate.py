@@ -18,6 +18,7 @@ from .figures import at_most
 from .inc import INC
 from .loop import close_loop
 from .output_range import within_limits
+from .pieces.cell_walk import CellWalk, cell_walk
 from .pieces.enclosure import LEVEL_ROOM, Arrival, enclose
 from .pieces.laws import PiecewiseLoop
 from .pieces.terminal import TerminalSet, find, in_fractions, in_places, refusal, with_ellipsoid
@@ -60,25 +61,24 @@ class RegionalCertificate(Certificate):
         object.__setattr__(self, "level", number("level", self.level, 0.0))
 
     @cached_property
-    def walk(self) -> Walk | None:
+    def walk(self) -> CellWalk | None:
         """The walk in floats, or None without a terminal set or where exact pieces do not apply."""
         if self._structure():
             return None
         loop, terminal = self._setting
-        return None if terminal is None else walk(loop, self.claim, terminal, self.budget)
+        return None if terminal is None else cell_walk(loop, self.claim, terminal, self.budget)
 
     @property
     def expected(self) -> float:
-        """The expected discounted cost, equal to it up to rounding; NaN when the walk did not end."""
-        return float(self.walk.done.expected_cost()) if self.walk and self.walk.complete else np.nan
+        """The expected discounted cost up to rounding; NaN when the walk did not end, or in more than 8 dimensions."""
+        return self.walk.expected if self.walk and self.walk.complete else np.nan
 
     @property
     def worst(self) -> tuple[float, Array]:
         """The largest discounted cost over the initial set, and a starting point that attains it; NaN when unknown."""
         if self.walk is None or not self.walk.complete:
             return np.nan, np.full(self.plant.n, np.nan)
-        value, point = self.walk.done.worst_cost()
-        return float(value), point
+        return self.walk.worst
 
     @property
     def worst_bound(self) -> float:
@@ -101,9 +101,9 @@ class RegionalCertificate(Certificate):
         margins = {"well-posed": self.inc.well_posedness().margin}
         if self.walk is None:
             return margins | {"followed": -1.0}
-        margins["followed"] = 0.0 if self.walk.complete else -float(self.walk.left.weight.sum())
+        margins["followed"] = 0.0 if self.walk.complete else self.walk.followed - 1
         if self.claim.inputs is not None:
-            margins["inputs"] = float(self.walk.slack)  # type: ignore[arg-type]
+            margins["inputs"] = max(self.walk.slack, 0.0) if self._built_in else self.walk.slack
         return margins
 
     @property
@@ -118,7 +118,7 @@ class RegionalCertificate(Certificate):
         unsound = refusal(loop, self.claim, terminal)
         if unsound or self.walk is None:
             return unsound or "the motions were not followed"
-        return self._walk_trouble(self.walk, LIMIT_TOLERANCE * self._input_size())
+        return self._walk_trouble(self.walk, np.inf if self._built_in else LIMIT_TOLERANCE * self._input_size())
 
     @property
     def sentence(self) -> str:
@@ -129,9 +129,10 @@ class RegionalCertificate(Certificate):
         assert terminal is not None
         rest = np.array2string(np.round(terminal.x, 9) + 0.0, precision=6)
         limits = "" if self.claim.inputs is None else "every input stays within its limits, "
+        mean = f"at most {at_most(self.bound)} in expectation and " if np.isfinite(self.bound) else ""
         return (f"From every starting point of the initial set {limits}the motion converges to x* = {rest}, and the "
-                f"discounted cost (discount {self.claim.discount:g}) is at most {at_most(self.bound)} in expectation and "
-                f"at most {at_most(self.worst_bound)} from any point.")
+                f"discounted cost (discount {self.claim.discount:g}) is {mean}at most {at_most(self.worst_bound)} from any "
+                "point.")
 
     def prove(self) -> Proof:
         """Settle terminal set, limits, convergence and both cost bounds rigorously, by the cheapest means that suffices.
@@ -148,7 +149,7 @@ class RegionalCertificate(Certificate):
         trouble, method = self.reason or self._exact_setting(), "exact fractions"
         if not trouble:
             trouble, method = self._enclosed_trouble(), "256 binary places with every rounding bounded"
-            if trouble and self.walk is not None and len(self.walk.done) <= EXACT_PIECES:
+            if trouble and self.walk is not None and len(self.walk.arrived) <= EXACT_PIECES:
                 trouble, method = self._exact_trouble(), "exact fractions over all pieces"
         return Proof(not trouble, method, time.perf_counter() - start, trouble)
 
@@ -207,11 +208,15 @@ class RegionalCertificate(Certificate):
         errors = enclose(loop, self.claim, terminal, found.steps, Arrival.of(found.done))
         if not errors.arrives(terminal):
             return "rounding errors grow too large for arrival in the terminal set to be certain"
-        built_in = self.claim.inputs is None or within_limits(self.inc, self.claim.inputs)
-        if not built_in and not errors.keeps_limits(self.claim, found.steps):
+        if not self._built_in and not errors.keeps_limits(self.claim, found.steps):
             return "an input comes too close to a limit that is not built into the controller"
         expected, worst = found.done.expected_cost().fraction(), found.done.worst_cost()[0].fraction()
         return self._cost_trouble(expected + Fraction(errors.cost), worst + Fraction(errors.cost))
+
+    @cached_property
+    def _built_in(self) -> bool:
+        """Whether there are no input limits, or no output of the controller can leave them, whatever it measures."""
+        return self.claim.inputs is None or within_limits(self.inc, self.claim.inputs)
 
     def _exact_trouble(self) -> str:
         loop, terminal = self._exact
@@ -222,16 +227,16 @@ class RegionalCertificate(Certificate):
         return self._walk_trouble(found, 0.0) or self._cost_trouble(found.done.expected_cost(), found.done.worst_cost()[0])
 
     def _cost_trouble(self, expected: Fraction, worst: Fraction) -> str:
-        if expected > Fraction(self.bound):
+        if np.isfinite(self.bound) and expected > Fraction(self.bound):
             return f"the expected cost exceeds the bound {self.bound:.10g} in exact arithmetic"
         if worst > Fraction(self.worst_bound):
             return f"the worst cost exceeds {self.worst[0]:.10g} in exact arithmetic"
         return ""
 
-    def _walk_trouble(self, steps: Walk, tolerance: float) -> str:
+    def _walk_trouble(self, steps: Walk | CellWalk, tolerance: float) -> str:
         if not steps.complete:
             return (f"the walk ended before all starting points arrived ({steps.ended}); a share of "
-                    f"{float(steps.done.weight.sum()):.4g} of them did")
+                    f"{steps.followed:.4g} of them did")
         if steps.slack < -tolerance:  # type: ignore[operator]
             return f"an input exceeds its limit by {-float(steps.slack):.3g}"  # type: ignore[arg-type]
         return ""

@@ -67,7 +67,9 @@ def _by_pieces(plant: Plant, spec: Spec, inc: INC, budget: Budget | None) -> Att
         return None, [], f"exact pieces: {error}"
     if reason:
         return None, [], f"exact pieces: {reason}"
-    pieces = len(certificate.walk.done)  # type: ignore[attr-defined]
+    if not np.isfinite(certificate.bound):
+        return None, [], f"exact pieces: the expected cost is not worked out in {plant.n} dimensions"
+    pieces = len(certificate.walk.arrived)  # type: ignore[attr-defined]
     words = [f"converges from every initial state: exact subdivision, {pieces} pieces"]
     if spec.inputs is not None:
         words.insert(0, "input limits kept on every motion: exact subdivision")

@@ -60,6 +60,11 @@ class Walk:
         """Whether every starting point was followed into the terminal set."""
         return self.ended == ""
 
+    @property
+    def followed(self) -> float:
+        """The probability of the starting points that arrived."""
+        return float(self.done.weight.sum())
+
 
 def walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budget: Budget | None = None,
          progress: Callable[[int, int], None] | None = None) -> Walk:

@@ -76,7 +76,7 @@ def test_proof_in_fractions_of_a_small_implicit_law():
 
 
 @pytest.mark.parametrize("budget, reason", [
-    (Budget(pieces=4), "more than 4 simplices"),
+    (Budget(pieces=4), "more than 4 pieces"),
     (Budget(steps=1), "still under way after 1 steps"),
     (Budget(seconds=0.0), "time limit of 0 s"),
 ])

@@ -1,0 +1,193 @@
+"""The exact walk over polytopes: follow every starting point of a region until it lies in the terminal set."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from ..arrays import Array
+from ..claims.regional import Regional
+from ..sets import Box, Polytope, simplex
+from .cells import Cells, moved, simplices_of, whole
+from .cutting import Deadline, magnitude, one_law_each
+from .laws import Laws, PiecewiseLoop
+from .simplices import Simplices
+from .terminal import TerminalSet
+from .walk import DIVERGED, Budget
+
+CONSERVED = 1e-9
+MOST_DIMENSIONS = 8  # up to which cells are cut into simplices: a cube has n! of them
+
+
+@dataclass(frozen=True, eq=False)
+class CellWalk:
+    """What a walk over polytopes found.
+
+    arrived: the cells that reached the terminal set, their cost forms complete; alive: those still under way when the
+    budget ended, with the cost so far; steps_taken, law (N,): for each arrived cell, the step at which it arrived and the
+    row of `patterns` that was its first law, -1 when it began in the terminal set; slack: the smallest h - H u over all
+    visited inputs, infinite without limits; cuts: how many cuts were made; ended: "" when nothing is left, else the budget
+    that ran out; volume: that of the initial set.
+
+    With nothing left, `arrived` covers the initial set, and its forms are the discounted cost from every x0.
+    """
+
+    arrived: Cells
+    alive: Cells
+    steps_taken: np.ndarray
+    law: np.ndarray
+    patterns: np.ndarray
+    slack: float
+    cuts: int
+    ended: str
+    seconds: float
+    volume: float
+
+    @property
+    def complete(self) -> bool:
+        """Whether every starting point was followed into the terminal set."""
+        return self.ended == ""
+
+    @property
+    def followed(self) -> float:
+        """The probability of the starting points that arrived; 0 when it is not known."""
+        if self.complete or self.arrived.start.shape[1] > MOST_DIMENSIONS:
+            return float(self.complete)
+        return float(self.done.weight.sum())
+
+    @property
+    def expected(self) -> float:
+        """The expected cost over the starting points that arrived; NaN in more than 8 dimensions.
+
+        The integral is exact on each simplex of a triangulation. That nothing was lost in cutting shows in the volumes,
+        which is asserted.
+        """
+        if self.arrived.start.shape[1] > MOST_DIMENSIONS:
+            return float("nan")
+        lost = abs(float(self.done.weight.sum()) - 1.0) if self.complete else 0.0
+        assert lost < CONSERVED, f"cutting lost or doubled the probability {lost:.3g}"
+        return float(self.done.expected_cost())
+
+    @property
+    def worst(self) -> tuple[float, Array]:
+        """The largest cost from any starting point that arrived, and where: it is convex on each cell, so at a vertex."""
+        lifted = np.concatenate([self.arrived.start, np.ones((len(self.arrived.owner), 1))], axis=1)
+        cost = ((lifted[:, None, :] @ self.arrived.cost[self.arrived.owner])[:, 0] * lifted).sum(axis=1)
+        at = int(np.argmax(cost))
+        return float(cost[at]), self.arrived.start[at]
+
+    @cached_property
+    def done(self) -> Simplices:
+        """The arrived cells cut into simplices, with their probability and cost in barycentric coordinates."""
+        return self._triangulated(self.arrived)[0]
+
+    @cached_property
+    def left(self) -> Simplices:
+        """The cells still under way, likewise."""
+        return self._triangulated(self.alive)[0]
+
+    @cached_property
+    def _owners(self) -> np.ndarray:
+        return self._triangulated(self.arrived)[1]
+
+    @property
+    def arrival(self) -> np.ndarray:
+        """The step at which each simplex of `done` arrived."""
+        return self.steps_taken[self._owners]
+
+    @property
+    def first(self) -> np.ndarray:
+        """The row of `patterns` that was the first law of each simplex of `done`, or -1."""
+        return self.law[self._owners]
+
+    def _triangulated(self, cells: Cells) -> tuple[Simplices, np.ndarray]:
+        corners, owner = simplices_of(cells)
+        start = cells.start[corners]
+        weight = simplex.volumes(start) / self.volume
+        lifted = np.concatenate([start, np.ones((*start.shape[:2], 1))], axis=2)
+        cost = lifted @ cells.cost[owner] @ np.swapaxes(lifted, 1, 2)
+        return Simplices(cells.now[corners], start, weight, cost), owner
+
+
+def cell_walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budget: Budget | None = None,
+              progress: Callable[[int, int], None] | None = None) -> CellWalk:
+    """Follow every starting point of the claim's initial set, in floats, until it lies in the terminal set.
+
+    At each step: cells within the terminal ellipsoid (all vertices in, so by convexity all points) are done and take its
+    tail cost; the others are cut until the controller is one law on each (`one_law_each`); their inputs are compared with
+    the limits at the vertices, which decides for all points since u is affine there; their vertices move.
+
+    progress: called with (step, cells alive).
+    """
+    budget = budget or Budget()
+    deadline = Deadline(budget.pieces, budget.seconds, time.monotonic())
+    region = claim.initial.support
+    assert isinstance(region, Box | Polytope)
+    alive = whole(region)
+    reach = DIVERGED * float(np.max(np.abs(alive.now)))
+    tags, firsts, patterns = np.full(len(alive), -1), np.zeros((0, loop.inc.q), int), None
+    done, arrival, first = [], [], []
+    cuts, ended, size, scale, slack = 0, "", np.zeros(loop.inc.q), 1.0, np.inf
+    for step in range(budget.steps + 1):
+        inside = alive.lowest(terminal.contains(alive.now).astype(int)) == 1
+        done.append(_with_tail(alive.take(inside), terminal, scale))
+        arrival.append(np.full(int(inside.sum()), step))
+        first.append(tags[inside])
+        alive, tags = alive.take(~inside), tags[~inside]
+        patterns = None if patterns is None else patterns[~inside]
+        if progress:
+            progress(step, len(alive))
+        ended = _exhausted(alive, step, budget, deadline, reach)
+        if len(alive) == 0 or ended:
+            break
+        patterns = loop.patterns_at(alive.middles(), patterns)
+        size = np.maximum(size, magnitude(loop, patterns, alive))
+        split = one_law_each(loop, alive, patterns, size, deadline)
+        alive, patterns, tags, cuts, ended = split.cells, split.patterns, tags[split.parent], cuts + split.cuts, split.ended
+        if ended:
+            break
+        distinct, which = loop.distinct(patterns)
+        if step == 0:
+            firsts, tags = distinct, which
+        alive, room = stepped(loop, claim, alive, loop.laws(distinct), which, scale)
+        slack, scale = min(slack, room), scale * claim.discount
+    return CellWalk(Cells.joined_all(done, alive.planes), alive, np.concatenate(arrival), np.concatenate(first), firsts,
+                     slack, cuts, ended, time.monotonic() - deadline.start, region.volume)
+
+
+def stepped(loop: PiecewiseLoop, claim: Regional, cells: Cells, laws: Laws, which: np.ndarray,
+            scale: float) -> tuple[Cells, float]:
+    """Move cells by their laws and charge the stage cost; return also the smallest h - H u at the vertices."""
+    plant, n = loop.plant, loop.plant.n
+    G, g = laws.Gx[which], laws.g[which]
+    slack = np.inf
+    if claim.inputs is not None:
+        u = (G[cells.owner] @ cells.now[:, :, None])[:, :, 0] + g[cells.owner]
+        slack = float(np.min(claim.inputs.h - u @ claim.inputs.H.T, initial=np.inf))
+    now, input_map = cells.motion, G @ cells.motion
+    input_map[:, :, n] += g
+    stage = np.swapaxes(now, 1, 2) @ claim.Q @ now + np.swapaxes(input_map, 1, 2) @ claim.R @ input_map
+    after = moved(cells, plant.A + plant.B @ G, g @ plant.B.T)
+    return replace(after, cost=cells.cost + scale * stage), slack
+
+
+def _with_tail(inside: Cells, terminal: TerminalSet, scale: float) -> Cells:
+    n = inside.motion.shape[1]
+    lifted = np.zeros((len(inside), n + 1, n + 1))
+    lifted[:, :n], lifted[:, n, n] = inside.motion, 1.0
+    lifted[:, :n, n] -= terminal.x
+    return replace(inside, cost=inside.cost + scale * np.swapaxes(lifted, 1, 2) @ terminal.tail @ lifted)
+
+
+def _exhausted(alive: Cells, step: int, budget: Budget, deadline: Deadline, reach: float) -> str:
+    if len(alive) == 0:
+        return ""
+    if step >= budget.steps:
+        return f"{len(alive)} pieces still under way after {step} steps"
+    if float(np.max(np.abs(alive.now))) > reach:
+        return f"a motion grew to {DIVERGED:g} times the size of the initial set"
+    return deadline.passed(len(alive))

@@ -1,0 +1,137 @@
+"""Cut polytopes until the controller is one affine law on each: the step that walks, reachable sets and regions share."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..arrays import Array
+from .cells import Cells, cut
+from .laws import Laws, PiecewiseLoop
+
+TOLERANCE = 1e-12  # a z this close to a kink counts as on it, relative to the terms that z is summed from
+MOST_NUMBERS = 4_000_000  # heights are worked out for so many vertices at once that no table holds more numbers
+
+
+@dataclass(frozen=True)
+class Deadline:
+    """When cutting must stop: with more than `pieces` polytopes, or after `seconds` from `start`."""
+
+    pieces: int
+    seconds: float
+    start: float
+
+    def passed(self, pieces: int) -> str:
+        """Why it must stop now, or an empty string."""
+        if pieces > self.pieces:
+            return f"more than {self.pieces} pieces"
+        return f"the time limit of {self.seconds:g} s" if time.monotonic() - self.start > self.seconds else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """Cells on each of which the controller is the law of one pattern, unless `ended` says that cutting was stopped.
+
+    parent (N,): the cell that each came from; patterns (N, q); cuts: how many were made; beyond: how far a z of a whole
+    cell lies beyond the end of its piece, at most the tolerance.
+    """
+
+    cells: Cells
+    parent: np.ndarray
+    patterns: np.ndarray
+    cuts: int
+    beyond: float
+    ended: str
+
+
+def one_law_each(loop: PiecewiseLoop, cells: Cells, patterns: np.ndarray | None, size: Array, deadline: Deadline) -> Split:
+    """Cut cells until the law of the pattern at the middle of each holds at all its vertices, hence everywhere on it.
+
+    If some vertex lies beyond a bound of the pattern's piece, another lies within it, because their mean does. The cell
+    is cut where the law's z meets the bound that is passed the farthest, to within a tolerance: there the law of the
+    neighbouring piece takes over, and neither half passes that bound again. There are finitely many patterns, so this ends.
+
+    patterns (N, q): a first guess for each cell; size (q,): the magnitude of z that the tolerance is relative to.
+    """
+    parent, ready, cuts, beyond, ended = np.arange(len(cells)), [], 0, 0.0, ""
+    patterns = loop.patterns_at(cells.middles(), patterns)
+    tolerance = TOLERANCE * np.tile(size, 2)
+    planes = cells.planes
+    while len(cells):
+        distinct, which = loop.distinct(patterns)
+        laws = loop.laws(distinct)
+        highest, crossed = _passed_bounds(laws, which, cells, tolerance)
+        split = np.any(crossed, axis=1)
+        beyond = max(beyond, float(np.max(highest[~split], initial=0.0)))
+        ready.append((cells.take(~split), parent[~split], patterns[~split]))
+        if not split.any():
+            break
+        ended = deadline.passed(sum(len(part) for part, _, _ in ready) + int(split.sum()))
+        if ended:
+            ready.append((cells.take(split), parent[split], patterns[split]))
+            break
+        cells, parent, patterns, which = cells.take(split), parent[split], patterns[split], which[split]
+        bound = np.where(crossed[split], highest[split] / np.where(tolerance > 0, tolerance, 1.0), -np.inf).argmax(axis=1)
+        height, plane = _height(laws, which, cells, bound)
+        cells, half = cut(cells, height, plane, tolerance[bound])
+        cuts, planes = cuts + len(half) // 2, cells.planes
+        parent = parent[half]
+        patterns = loop.patterns_at(cells.middles(), patterns[half])
+    return _collected(ready, planes, cuts, beyond, ended)
+
+
+def _collected(ready: list, planes: Array, cuts: int, beyond: float, ended: str) -> Split:
+    cells = Cells.joined_all([part for part, _, _ in ready], planes)
+    return Split(cells, np.concatenate([part for _, part, _ in ready]),
+                 np.concatenate([part for _, _, part in ready]), cuts, beyond, ended)
+
+
+def _passed_bounds(laws: Laws, which: np.ndarray, cells: Cells, tolerance: Array) -> tuple[Array, np.ndarray]:
+    """How far each cell's z lies beyond each bound of its piece, (N, 2q), and which of them it has on both sides."""
+    q = laws.z0.shape[1]
+    if q == 0:
+        return np.zeros((len(cells), 0)), np.zeros((len(cells), 0), bool)
+    ends = np.concatenate([-laws.low, laws.high], axis=1)[which]
+    top, bottom = z_range(laws, which, cells)
+    highest = np.concatenate([-bottom, top], axis=1) - ends
+    lowest = np.concatenate([-top, bottom], axis=1) - ends
+    return highest, (highest > tolerance) & (lowest < -tolerance)
+
+
+def z_range(laws: Laws, which: np.ndarray, cells: Cells) -> tuple[Array, Array]:
+    """The largest and the smallest z (N, q) of each cell's own law over its vertices."""
+    q = laws.z0.shape[1]
+    stride = max(1, int(MOST_NUMBERS / max(1, q * cells.now.shape[1])))
+    first = cells.first
+    ends = np.searchsorted(first, np.arange(0, len(cells.owner) + stride, stride)[1:], side="right")
+    tops, bottoms, begin = [], [], 0
+    for end in np.unique(np.clip(ends, 1, len(cells))):
+        rows = slice(first[begin], first[end] if end < len(cells) else len(cells.owner))
+        law = which[cells.owner[rows]]
+        z = (laws.Zx[law] @ cells.now[rows, :, None])[:, :, 0] + laws.z0[law]
+        starts = first[begin:end] - first[begin]
+        tops.append(np.maximum.reduceat(z, starts, axis=0))
+        bottoms.append(np.minimum.reduceat(z, starts, axis=0))
+        begin = end
+    return np.concatenate(tops), np.concatenate(bottoms)
+
+
+def _height(laws: Laws, which: np.ndarray, cells: Cells, bound: np.ndarray) -> tuple[Array, Array]:
+    """How far z of the chosen bound (N,) lies beyond it: at the vertices (M,), and as planes (N, n + 1) in x0."""
+    q = laws.z0.shape[1]
+    unit, lower = bound % q, bound < q
+    sign = np.where(lower, -1.0, 1.0)
+    gradient = sign[:, None] * laws.Zx[which, unit]
+    offset = np.where(lower, laws.low[which, unit] - laws.z0[which, unit], laws.z0[which, unit] - laws.high[which, unit])
+    height = (gradient[cells.owner] * cells.now).sum(axis=1) + offset[cells.owner]
+    plane = (gradient[:, None, :] @ cells.motion)[:, 0]
+    return height, np.column_stack([plane[:, :-1], -(plane[:, -1] + offset)])
+
+
+def magnitude(loop: PiecewiseLoop, patterns: np.ndarray, cells: Cells) -> Array:
+    """The magnitude (q,) of the terms that z is summed from: rounding is relative to it, also where z vanishes."""
+    laws = loop.laws(loop.distinct(patterns)[0])
+    reach = np.abs(cells.now).max(axis=0)
+    return (np.abs(laws.Zx) @ reach + np.abs(laws.z0)).max(axis=0, initial=0.0)
