@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -13,22 +12,21 @@ from .activations.stack import slopes
 from .arrays import Array, number, symmetric
 from .certificate import Certificate, Proof
 from .claims.regional import Regional
-from .errors import ConvergenceError, InvalidInputError
+from .errors import InvalidInputError
 from .figures import at_most
 from .inc import INC
 from .loop import close_loop
 from .output_range import within_limits
 from .pieces.cell_walk import CellWalk, cell_walk
-from .pieces.enclosure import LEVEL_ROOM, Arrival, enclose
 from .pieces.laws import PiecewiseLoop
-from .pieces.terminal import TerminalSet, find, in_fractions, in_places, refusal, with_ellipsoid
-from .pieces.walk import Budget, Walk, walk
+from .pieces.terminal import TerminalSet, find, in_fractions, refusal, with_ellipsoid
+from .pieces.walk import Budget
 from .plant import Plant, as_plant
+from .regional_proof import Stated, settle_region, unfinished
 from .well_posed import is_proved
 
 ROUNDING = 1e-9
 LIMIT_TOLERANCE = 1e-12
-EXACT_PIECES, PROOF_SECONDS = 500, 60.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +36,8 @@ class RegionalCertificate(Certificate):
     plant, inc, claim: what it speaks about; P (n, n) and level: the ellipsoid {e'P e <= level} around the
     equilibrium, or None when none was found; budget: what a walk may use; note: how it was found, or why it was not.
 
-    The walk itself is not stored: it is done again from these numbers, in floats for `holds` and in Fractions for
-    `prove`.
+    The walk itself is not stored: it is done again from these numbers, in floats for `holds`, and with every rounding
+    bounded for `prove`.
     """
 
     plant: Plant
@@ -118,7 +116,7 @@ class RegionalCertificate(Certificate):
         unsound = refusal(loop, self.claim, terminal)
         if unsound or self.walk is None:
             return unsound or "the motions were not followed"
-        return self._walk_trouble(self.walk, np.inf if self._built_in else LIMIT_TOLERANCE * self._input_size())
+        return self._walk_trouble(self.walk)
 
     @property
     def sentence(self) -> str:
@@ -137,25 +135,19 @@ class RegionalCertificate(Certificate):
     def prove(self) -> Proof:
         """Settle terminal set, limits, convergence and both cost bounds rigorously, by the cheapest means that suffices.
 
-        The terminal set is checked in Fractions. Then the walk is repeated with 256 binary places and a bound on all that
-        rounding can do (`pieces.enclosure`); where an input touches a limit that is not built into the controller, or
-        the errors grow too large, in Fractions without any rounding, if there are at most 500 pieces. Each walk may take
-        a minute, or the certificate's budget if that is more; the first takes some thirty times as long as in floats.
-
-        What is proved speaks of the simplices that the initial set lists, with their corners taken exactly as stored.
+        The terminal set is checked in Fractions. Then the polytopes of the walk are followed with 256 binary places, every
+        rounding bounded (`regional_proof.settle_region`), where that is not enough simplices, and at last Fractions.
         Nothing is tried when the walk in floats has failed already.
+
+        What is proved of a Polytope as initial set speaks of the simplices that it lists, with their corners taken
+        exactly as stored.
         """
         start = time.perf_counter()
         trouble, method = self.reason or self._exact_setting(), "exact fractions"
-        if not trouble:
-            trouble, method = self._enclosed_trouble(), "256 binary places with every rounding bounded"
-            if trouble and self.walk is not None and len(self.walk.arrived) <= EXACT_PIECES:
-                trouble, method = self._exact_trouble(), "exact fractions over all pieces"
+        if not trouble and self.walk is not None:
+            stated = Stated(self.claim, self._exact[1], self.bound, self.worst_bound, self._built_in)
+            trouble, method = settle_region(self._setting[0], stated, self.walk, self.budget)
         return Proof(not trouble, method, time.perf_counter() - start, trouble)
-
-    @property
-    def _patience(self) -> Budget:
-        return replace(self.budget, seconds=max(self.budget.seconds, PROOF_SECONDS))
 
     @cached_property
     def _law(self) -> INC:
@@ -195,51 +187,16 @@ class RegionalCertificate(Certificate):
         loop, terminal = self._exact
         return refusal(loop, self.claim, terminal) or ""
 
-    def _enclosed_trouble(self) -> str:
-        """What keeps a rounded walk and its error bound from proving the claim."""
-        loop = PiecewiseLoop(self.plant, self._law, "fixed")
-        terminal = in_places(self._exact[1], 1 - LEVEL_ROOM)
-        try:
-            found = walk(loop, self.claim, terminal, self._patience)
-        except ConvergenceError as error:
-            return str(error)
-        if not found.complete:
-            return self._walk_trouble(found, 0.0)
-        errors = enclose(loop, self.claim, terminal, found.steps, Arrival.of(found.done))
-        if not errors.arrives(terminal):
-            return "rounding errors grow too large for arrival in the terminal set to be certain"
-        if not self._built_in and not errors.keeps_limits(self.claim, found.steps):
-            return "an input comes too close to a limit that is not built into the controller"
-        expected, worst = found.done.expected_cost().fraction(), found.done.worst_cost()[0].fraction()
-        return self._cost_trouble(expected + Fraction(errors.cost), worst + Fraction(errors.cost))
-
     @cached_property
     def _built_in(self) -> bool:
         """Whether there are no input limits, or no output of the controller can leave them, whatever it measures."""
         return self.claim.inputs is None or within_limits(self.inc, self.claim.inputs)
 
-    def _exact_trouble(self) -> str:
-        loop, terminal = self._exact
-        try:
-            found = walk(loop, self.claim, terminal, self._patience)
-        except ConvergenceError as error:
-            return str(error)
-        return self._walk_trouble(found, 0.0) or self._cost_trouble(found.done.expected_cost(), found.done.worst_cost()[0])
-
-    def _cost_trouble(self, expected: Fraction, worst: Fraction) -> str:
-        if np.isfinite(self.bound) and expected > Fraction(self.bound):
-            return f"the expected cost exceeds the bound {self.bound:.10g} in exact arithmetic"
-        if worst > Fraction(self.worst_bound):
-            return f"the worst cost exceeds {self.worst[0]:.10g} in exact arithmetic"
-        return ""
-
-    def _walk_trouble(self, steps: Walk | CellWalk, tolerance: float) -> str:
-        if not steps.complete:
-            return (f"the walk ended before all starting points arrived ({steps.ended}); a share of "
-                    f"{steps.followed:.4g} of them did")
-        if steps.slack < -tolerance:  # type: ignore[operator]
-            return f"an input exceeds its limit by {-float(steps.slack):.3g}"  # type: ignore[arg-type]
-        return ""
+    def _walk_trouble(self, found: CellWalk) -> str:
+        if not found.complete:
+            return unfinished(found)
+        tolerance = np.inf if self._built_in else LIMIT_TOLERANCE * self._input_size()
+        return f"an input exceeds its limit by {-found.slack:.3g}" if found.slack < -tolerance else ""
 
     def _input_size(self) -> float:
         return 1.0 if self.claim.inputs is None else max(1.0, float(np.max(np.abs(self.claim.inputs.h))))

@@ -17,9 +17,11 @@ from .cutting import Deadline, magnitude, one_law_each
 from .laws import Laws, PiecewiseLoop
 from .simplices import Simplices
 from .terminal import TerminalSet
+from .trails import Trails
 from .walk import DIVERGED, Budget
 
 CONSERVED = 1e-9
+ARRIVED = 1 - 2.0**-30  # a cell counts as arrived with this much room, so that rounding cannot turn it away again
 MOST_DIMENSIONS = 8  # up to which cells are cut into simplices: a cube has n! of them
 
 
@@ -28,10 +30,9 @@ class CellWalk:
     """What a walk over polytopes found.
 
     arrived: the cells that reached the terminal set, their cost forms complete; alive: those still under way when the
-    budget ended, with the cost so far; steps_taken, law (N,): for each arrived cell, the step at which it arrived and the
-    row of `patterns` that was its first law, -1 when it began in the terminal set; slack: the smallest h - H u over all
-    visited inputs, infinite without limits; cuts: how many cuts were made; ended: "" when nothing is left, else the budget
-    that ran out; volume: that of the initial set.
+    budget ended, with the cost so far; steps_taken, node (N,): for each arrived cell, the step at which it arrived and its
+    place in `trails`, the tree of laws that cells went through; slack: the smallest h - H u over all visited inputs,
+    infinite without limits; ended: "" when nothing is left, else the budget that ran out; volume: that of the initial set.
 
     With nothing left, `arrived` covers the initial set, and its forms are the discounted cost from every x0.
     """
@@ -39,10 +40,9 @@ class CellWalk:
     arrived: Cells
     alive: Cells
     steps_taken: np.ndarray
-    law: np.ndarray
-    patterns: np.ndarray
+    node: np.ndarray
+    trails: Trails
     slack: float
-    cuts: int
     ended: str
     seconds: float
     volume: float
@@ -99,11 +99,6 @@ class CellWalk:
         """The step at which each simplex of `done` arrived."""
         return self.steps_taken[self._owners]
 
-    @property
-    def first(self) -> np.ndarray:
-        """The row of `patterns` that was the first law of each simplex of `done`, or -1."""
-        return self.law[self._owners]
-
     def _triangulated(self, cells: Cells) -> tuple[Simplices, np.ndarray]:
         corners, owner = simplices_of(cells)
         start = cells.start[corners]
@@ -129,15 +124,16 @@ def cell_walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budge
     assert isinstance(region, Box | Polytope)
     alive = whole(region)
     reach = DIVERGED * float(np.max(np.abs(alive.now)))
-    tags, firsts, patterns = np.full(len(alive), -1), np.zeros((0, loop.inc.q), int), None
-    done, arrival, first = [], [], []
-    cuts, ended, size, scale, slack = 0, "", np.zeros(loop.inc.q), 1.0, np.inf
+    node, trails, patterns = np.zeros(len(alive), int), Trails.begin(loop.inc.q), None
+    done, arrival, nodes = [], [], []
+    within = replace(terminal, level=terminal.level * ARRIVED)
+    size, scale, slack = np.zeros(loop.inc.q), 1.0, np.inf
     for step in range(budget.steps + 1):
-        inside = alive.lowest(terminal.contains(alive.now).astype(int)) == 1
+        inside = alive.lowest(within.contains(alive.now).astype(int)) == 1
         done.append(_with_tail(alive.take(inside), terminal, scale))
         arrival.append(np.full(int(inside.sum()), step))
-        first.append(tags[inside])
-        alive, tags = alive.take(~inside), tags[~inside]
+        nodes.append(node[inside])
+        alive, node = alive.take(~inside), node[~inside]
         patterns = None if patterns is None else patterns[~inside]
         if progress:
             progress(step, len(alive))
@@ -147,16 +143,16 @@ def cell_walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budge
         patterns = loop.patterns_at(alive.middles(), patterns)
         size = np.maximum(size, magnitude(loop, patterns, alive))
         split = one_law_each(loop, alive, patterns, size, deadline)
-        alive, patterns, tags, cuts, ended = split.cells, split.patterns, tags[split.parent], cuts + split.cuts, split.ended
+        trails = trails.with_cuts(split.cuts, node)
+        alive, patterns, node, ended = split.cells, split.patterns, node[split.parent], split.ended
         if ended:
             break
+        trails, node = trails.stepped(node, patterns)
         distinct, which = loop.distinct(patterns)
-        if step == 0:
-            firsts, tags = distinct, which
         alive, room = stepped(loop, claim, alive, loop.laws(distinct), which, scale)
         slack, scale = min(slack, room), scale * claim.discount
-    return CellWalk(Cells.joined_all(done, alive.planes), alive, np.concatenate(arrival), np.concatenate(first), firsts,
-                     slack, cuts, ended, time.monotonic() - deadline.start, region.volume)
+    return CellWalk(Cells.joined_all(done, alive.planes), alive, np.concatenate(arrival), np.concatenate(nodes), trails,
+                    slack, ended, time.monotonic() - deadline.start, region.volume)
 
 
 def stepped(loop: PiecewiseLoop, claim: Regional, cells: Cells, laws: Laws, which: np.ndarray,

@@ -22,9 +22,9 @@ class Cells:
     ever computed.
 
     owner (M,): the polytope of each vertex, ascending; facets (M, n): numbers of the facets it lies on, ascending; start
-    (M, n) and now (M, n): where it began and where it is; planes (F, n + 1): facet f is a x0 <= b with (a, b) =
-    planes[f] up to sign, in starting coordinates; motion (N, n, n + 1): the affine map from start to now; cost
-    (N, n + 1, n + 1): the form c with cost(x0) = (x0, 1)' c (x0, 1).
+    (M, n) and now (M, n): where it began and where it is; planes (F, n + 1): with (a, b) = planes[f], facet 2 f stands for
+    a x0 <= b and facet 2 f + 1 for a x0 >= b, in starting coordinates; motion (N, n, n + 1): the affine map from start
+    to now; cost (N, n + 1, n + 1): the form c with cost(x0) = (x0, 1)' c (x0, 1).
     """
 
     owner: np.ndarray
@@ -83,19 +83,19 @@ def whole(region: Box | Polytope) -> Cells:
 
     >>> cells = whole(Box([-1.0, -1.0], [1.0, 1.0]))
     >>> len(cells), cells.start.shape, cells.facets[0].tolist()
-    (1, (4, 2), [1, 3])
+    (1, (4, 2), [2, 6])
     """
     if isinstance(region, Box):
         corners = region.vertices.T
         raised = corners == region.upper
-        facets = 2 * np.arange(region.dimension) + ~raised
+        facets = 4 * np.arange(region.dimension) + 2 * ~raised
         planes = np.stack([np.column_stack([np.eye(region.dimension), region.upper]),
                            np.column_stack([-np.eye(region.dimension), -region.lower])], axis=1)
         return _at_rest(np.zeros(len(corners), int), facets, corners, planes.reshape(-1, region.dimension + 1), 1)
     corners = region.simplices()
     N, size, n = corners.shape
     others = np.array([[j for j in range(size) if j != i] for i in range(size)])
-    facets = (size * np.arange(N)[:, None, None] + others).reshape(-1, n)
+    facets = 2 * (size * np.arange(N)[:, None, None] + others).reshape(-1, n)
     return _at_rest(np.repeat(np.arange(N), size), facets, corners.reshape(-1, n), _faces(corners), N)
 
 
@@ -113,18 +113,19 @@ def _at_rest(owner: np.ndarray, facets: np.ndarray, corners: Array, planes: Arra
     return Cells(owner, facets, corners, corners, planes, motion, np.zeros((N, n + 1, n + 1)))
 
 
-def cut(cells: Cells, height: Array, planes: Array, tolerance: Array) -> tuple[Cells, np.ndarray]:
-    """Cut each polytope in two where its own height passes 0, to within a tolerance; return pieces and parents.
+def cut(cells: Cells, height: Array, planes: Array, tolerance: Array) -> tuple[Cells, np.ndarray, Array]:
+    """Cut each polytope in two where its own height passes 0, to within a tolerance; return pieces, parents and levels.
 
     height (M,): an affine function on each polytope, at its vertices, beyond the tolerance (N,) on both sides; planes
-    (N, n + 1): the same as (a, b) with height = a x0 - b. The cut is made at 0 or, where a vertex lies within a
+    (N, n + 1): the same as (a, b) with height = a x0 - b. The cut is made at level 0 or, where a vertex lies within a
     tenth of the tolerance of it, at the height within that tenth that is farthest from all vertices' heights: so it passes
     through none of them, and the pieces are simple again.
 
-    The N lower halves come first, then the upper ones.
+    The N lower halves come first, then the upper ones; the planes of the cuts are added to the table in the order of the
+    cells.
 
     >>> box = whole(Box([0.0, 0.0], [1.0, 1.0]))
-    >>> halves, parent = cut(box, box.start[:, 0] - 0.25, np.array([[1.0, 0.0, 0.25]]), np.array([1e-12]))
+    >>> halves, parent, _ = cut(box, box.start[:, 0] - 0.25, np.array([[1.0, 0.0, 0.25]]), np.array([1e-12]))
     >>> [float(halves.highest(halves.start[:, 0])[i].round(9)) for i in (0, 1)], parent.tolist()
     ([0.25, 1.0], [0, 0])
     """
@@ -135,19 +136,19 @@ def cut(cells: Cells, height: Array, planes: Array, tolerance: Array) -> tuple[C
     start = (1 - share) * cells.start[low] + share * cells.start[high]
     now = (1 - share) * cells.now[low] + share * cells.now[high]
     owner = cells.owner[low]
-    facets = np.column_stack([shared, len(cells.planes) + owner])
     below = height < 0
     table = np.vstack([cells.planes, np.column_stack([planes[:, :-1], planes[:, -1] + level])])
     halves = []
-    for side, shift in ((below, 0), (~below, N)):
-        everything = np.concatenate([cells.owner[side], owner]) + shift
+    for half, side in enumerate((below, ~below)):
+        everything = np.concatenate([cells.owner[side], owner]) + half * N
+        facets = np.column_stack([shared, 2 * (len(cells.planes) + owner) + half])
         halves.append((everything, np.concatenate([cells.facets[side], facets]),
                        np.concatenate([cells.start[side], start]), np.concatenate([cells.now[side], now])))
     parts = [np.concatenate(pair) for pair in zip(*halves, strict=True)]
     order = np.argsort(parts[0], kind="stable")
     owners, facets, start, now = (part[order] for part in parts)
     parent = np.tile(np.arange(N), 2)
-    return Cells(owners, facets, start, now, table, cells.motion[parent], cells.cost[parent]), parent
+    return Cells(owners, facets, start, now, table, cells.motion[parent], cells.cost[parent]), parent, level
 
 
 def _free_level(cells: Cells, height: Array, tolerance: Array) -> Array:
@@ -235,7 +236,7 @@ def simplices_of(cells: Cells) -> tuple[np.ndarray, np.ndarray]:
         tip = cells.facets[apexes[:, -1]]
         holds = (left[:, :, None] == tip[item][:, None, :]).any(axis=2)
         row, column = np.nonzero(~holds)
-        key = item[row] * (len(cells.planes) + 1) + left[row, column]
+        key = item[row] * (2 * len(cells.planes) + 2) + left[row, column]
         order = np.argsort(key, kind="stable")
         row, column = row[order], column[order]
         starts = np.flatnonzero(np.diff(key[order], prepend=-1))

@@ -34,16 +34,31 @@ class Deadline:
 class Split:
     """Cells on each of which the controller is the law of one pattern, unless `ended` says that cutting was stopped.
 
-    parent (N,): the cell that each came from; patterns (N, q); cuts: how many were made; beyond: how far a z of a whole
-    cell lies beyond the end of its piece, at most the tolerance.
+    parent (N,): the cell that each came from; patterns (N, q); cuts: what each new plane of the table was made from.
     """
 
     cells: Cells
     parent: np.ndarray
     patterns: np.ndarray
-    cuts: int
-    beyond: float
+    cuts: Cuts
     ended: str
+
+
+@dataclass(frozen=True, eq=False)
+class Cuts:
+    """What C cuts were made along: z of a unit at an end of its piece, plus a level, under the law of a pattern.
+
+    parent (C,): the cell that was there before any cut; patterns (C, q); bound (C,): which of the 2q ends, the lower ones
+    first; level (C,): how far beyond it.
+    """
+
+    parent: np.ndarray
+    patterns: np.ndarray
+    bound: np.ndarray
+    level: Array
+
+    def __len__(self) -> int:
+        return len(self.parent)
 
 
 def one_law_each(loop: PiecewiseLoop, cells: Cells, patterns: np.ndarray | None, size: Array, deadline: Deadline) -> Split:
@@ -55,7 +70,8 @@ def one_law_each(loop: PiecewiseLoop, cells: Cells, patterns: np.ndarray | None,
 
     patterns (N, q): a first guess for each cell; size (q,): the magnitude of z that the tolerance is relative to.
     """
-    parent, ready, cuts, beyond, ended = np.arange(len(cells)), [], 0, 0.0, ""
+    parent, ready, ended = np.arange(len(cells)), [], ""
+    made = [Cuts(parent[:0], np.zeros((0, loop.inc.q), int), parent[:0], np.zeros(0))]
     patterns = loop.patterns_at(cells.middles(), patterns)
     tolerance = TOLERANCE * np.tile(size, 2)
     planes = cells.planes
@@ -64,7 +80,6 @@ def one_law_each(loop: PiecewiseLoop, cells: Cells, patterns: np.ndarray | None,
         laws = loop.laws(distinct)
         highest, crossed = _passed_bounds(laws, which, cells, tolerance)
         split = np.any(crossed, axis=1)
-        beyond = max(beyond, float(np.max(highest[~split], initial=0.0)))
         ready.append((cells.take(~split), parent[~split], patterns[~split]))
         if not split.any():
             break
@@ -75,17 +90,19 @@ def one_law_each(loop: PiecewiseLoop, cells: Cells, patterns: np.ndarray | None,
         cells, parent, patterns, which = cells.take(split), parent[split], patterns[split], which[split]
         bound = np.where(crossed[split], highest[split] / np.where(tolerance > 0, tolerance, 1.0), -np.inf).argmax(axis=1)
         height, plane = _height(laws, which, cells, bound)
-        cells, half = cut(cells, height, plane, tolerance[bound])
-        cuts, planes = cuts + len(half) // 2, cells.planes
-        parent = parent[half]
+        cells, half, level = cut(cells, height, plane, tolerance[bound])
+        made.append(Cuts(parent, patterns, bound, level))
+        planes, parent = cells.planes, parent[half]
         patterns = loop.patterns_at(cells.middles(), patterns[half])
-    return _collected(ready, planes, cuts, beyond, ended)
+    return _collected(ready, planes, made, ended)
 
 
-def _collected(ready: list, planes: Array, cuts: int, beyond: float, ended: str) -> Split:
+def _collected(ready: list, planes: Array, made: list[Cuts], ended: str) -> Split:
     cells = Cells.joined_all([part for part, _, _ in ready], planes)
-    return Split(cells, np.concatenate([part for _, part, _ in ready]),
-                 np.concatenate([part for _, _, part in ready]), cuts, beyond, ended)
+    names = ("parent", "patterns", "bound", "level")
+    cuts = Cuts(*(np.concatenate([getattr(part, name) for part in made]) for name in names))
+    parents, patterns = (np.concatenate([part[i] for part in ready]) for i in (1, 2))
+    return Split(cells, parents, patterns, cuts, ended)
 
 
 def _passed_bounds(laws: Laws, which: np.ndarray, cells: Cells, tolerance: Array) -> tuple[Array, np.ndarray]:

@@ -85,12 +85,14 @@ class Enclosure:
 
 
 def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: Sequence[Step], arrival: Arrival,
-            resolution: float = RESOLUTION) -> Enclosure:
+            resolution: float = RESOLUTION, start: float = 0.0) -> Enclosure:
     """Return bounds on the error of a walk in numbers that are rounded down to multiples of `resolution`.
+
+    start: how far the starting points can be off already.
 
     Every formula of a walk is a sum of at most N = 64 (n + m + p + q + 2)^2 products of at most four numbers below
     M >= 1, so its rounding is at most r = N M^3 resolution. Let E_k >= |x_k(l) - xhat_k(l)| for all barycentric
-    coordinates l of all simplices, E_0 = r. Within a step:
+    coordinates l of all simplices, E_0 = start + r. Within a step:
 
     * a cut puts its new vertex on the edge up to r, so after c rounds of cutting E' = E + c r. Where on the edge it is put
       does not matter: that share of the edge defines the cut of the starting points too;
@@ -117,7 +119,7 @@ def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: 
     def hidden(residual: Array) -> Array:
         return error_from_residual(test, inc.W, ends, residual, GUARD)
 
-    E, cost = np.full(plant.n, r), 0.0
+    E, cost = np.full(plant.n, start + r), 0.0
     state, inputs = [E], []
     for step in steps:
         E = GUARD * (E + step.rounds * r)
@@ -141,8 +143,7 @@ def _rounding(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps
               arrival.x, arrival.largest]
     arrays += [] if inputs is None else [inputs.H, inputs.h]
     arrays += [part for step in steps for part in (step.x, step.u, step.largest)]
-    box = claim.initial.support
-    arrays.append(box.simplices())  # type: ignore[attr-defined]
+    arrays.append(claim.initial.vertices)
     M = max(float(np.max(np.abs(np.asarray(part).astype(float)), initial=1.0)) for part in arrays)
     N = 64 * (plant.n + plant.m + plant.p + loop.inc.q + 2) ** 2
     return 2 * N * M**3 * resolution

@@ -222,28 +222,39 @@ def test_small_and_large_units_give_the_same_proof():
 
 
 def test_every_part_of_a_rigorous_proof_can_refuse(monkeypatch):
-    import inc_casadi.regional_certificate as module
-    assert saturated().prove().method.startswith("256 binary places")
+    import inc_casadi.regional_proof as module
+    assert saturated().prove().method == module.PLACES_OF_POLYTOPES
     with monkeypatch.context() as patch:
         patch.setattr("inc_casadi.well_posed.exact.contracts", lambda *_: False)
         assert "well posed" in saturated().prove().reason
     with monkeypatch.context() as patch:
+        patch.setattr(module, "MOST_VERTICES", 1)
+        assert saturated().prove().method == module.PLACES_OF_SIMPLICES
+    with monkeypatch.context() as patch:
+        patch.setattr("inc_casadi.pieces.cell_proof.trouble", lambda *_: "a vertex is missing")
+        assert saturated().prove().method == module.PLACES_OF_SIMPLICES
+    with monkeypatch.context() as patch:
         patch.setattr(Enclosure, "arrives", lambda *_: False)
-        assert saturated().prove().method == "exact fractions over all pieces"
+        assert saturated().prove().method == module.FRACTIONS
         patch.setattr(module, "EXACT_PIECES", 0)
         assert "rounding errors grow too large" in saturated().prove().reason
     with monkeypatch.context() as patch:
         patch.setattr(module, "EXACT_PIECES", 0)
-        patch.setattr(module, "enclose", lambda *_: Enclosure(np.zeros((9, 2)), np.zeros((9, 1)), 1e-6, 0.0))
+        large = Enclosure(np.zeros((9, 2)), np.zeros((9, 1)), 1e-6, 0.0)
+        patch.setattr(module, "enclose", lambda *_: large)
+        patch.setattr("inc_casadi.pieces.cell_proof.enclose", lambda *_, **__: large)
         assert "expected cost exceeds the bound" in saturated().prove().reason
     certificate = saturated()
-    assert "worst cost exceeds" in certificate._cost_trouble(Fraction(0), Fraction(certificate.worst_bound) + 1)
-    assert certificate._cost_trouble(Fraction(certificate.bound), Fraction(certificate.worst_bound)) == ""
+    stated = module.Stated(certificate.claim, certificate._exact[1], certificate.bound, certificate.worst_bound, True)
+    assert "worst cost exceeds" in stated.excess(Fraction(0), Fraction(certificate.worst_bound) + 1)
+    assert stated.excess(Fraction(certificate.bound), Fraction(certificate.worst_bound)) == ""
+    assert "expected cost exceeds" in stated.excess(None, Fraction(0))
 
 
 def test_a_kink_tolerance_that_is_too_coarse_proves_nothing(monkeypatch):
-    import inc_casadi.regional_certificate as module
+    import inc_casadi.regional_proof as module
     monkeypatch.setattr(module, "EXACT_PIECES", 0)
+    monkeypatch.setattr(module, "MOST_VERTICES", 0)
     bent = INC([[0.3]], [[1.0, 2.0]], [[0.1]], K, [0.4], [-0.04 / 0.7], ReLU()).with_saturated_output(UNIT)
     certificate = certify_region(PLANT, bent, claim())
     assert certificate.holds() and certificate.prove()

@@ -17,7 +17,7 @@ def shattered(n, rounds, seed):
         normal = rng.standard_normal((len(cells), n))
         offset = (normal * cells.middles()).sum(axis=1)
         height = (normal[cells.owner] * cells.start).sum(axis=1) - offset[cells.owner]
-        cells, parent = cut(cells, height, np.column_stack([normal, offset]), np.full(len(cells), 1e-12))
+        cells, _, _ = cut(cells, height, np.column_stack([normal, offset]), np.full(len(cells), 1e-12))
     return cells
 
 
@@ -30,9 +30,14 @@ def total(cells):
 def test_cutting_conserves_volume_and_every_vertex_lies_on_its_facets(n):
     cells = shattered(n, 6, seed=n)
     assert len(cells) == 64 and total(cells) == pytest.approx(np.prod(np.arange(1.0, n + 1) + 1), rel=1e-12)
-    planes = cells.planes[cells.facets]
+    planes = cells.planes[cells.facets // 2]
     residual = (planes[:, :, :-1] * cells.start[:, None, :]).sum(axis=2) - planes[:, :, -1]
     assert np.max(np.abs(residual)) < 1e-13
+    for facet in np.unique(cells.facets):
+        owners = np.unique(cells.owner[(cells.facets == facet).any(axis=1)])
+        a, b = cells.planes[facet // 2][:-1], cells.planes[facet // 2][-1]
+        beyond = (cells.start[np.isin(cells.owner, owners)] @ a - b) * (1 if facet % 2 == 0 else -1)
+        assert np.max(beyond) < 1e-13, "a cell lies on the wrong side of its facet"
 
 
 @pytest.mark.parametrize("n", [2, 3, 4])
@@ -52,7 +57,7 @@ def test_a_cut_through_vertices_leaves_simple_pieces():
     """The diagonal plane of a cube passes through four of its corners: they go to one side or the other, none to both."""
     cube = whole(Box(np.zeros(3), np.ones(3)))
     height = cube.start[:, 0] - cube.start[:, 1]
-    halves, parent = cut(cube, height, np.array([[1.0, -1.0, 0.0, 0.0]]), np.array([1e-9]))
+    halves, parent, _ = cut(cube, height, np.array([[1.0, -1.0, 0.0, 0.0]]), np.array([1e-9]))
     assert parent.tolist() == [0, 0] and total(halves) == pytest.approx(1.0, abs=1e-12)
     assert np.max(np.abs(np.clip(halves.start[:, 0] - halves.start[:, 1], None, 0)[halves.owner == 1])) < 1e-9
     low, high = edges(halves)
@@ -61,7 +66,7 @@ def test_a_cut_through_vertices_leaves_simple_pieces():
 
 def test_a_cut_at_the_side_of_a_piece_follows_the_tolerance():
     square = whole(Box(np.zeros(2), np.ones(2)))
-    halves, _ = cut(square, square.start[:, 0] - 0.25, np.array([[1.0, 0.0, 0.25]]), np.array([0.1]))
+    halves, _, _ = cut(square, square.start[:, 0] - 0.25, np.array([[1.0, 0.0, 0.25]]), np.array([0.1]))
     np.testing.assert_allclose(sorted(set(halves.start[:, 0].round(12))), [0.0, 0.25, 1.0])
 
 
@@ -80,7 +85,7 @@ def test_a_polytope_begins_as_its_simplices():
     polytope = Polytope.from_vertices(rng.standard_normal((3, 12)))
     cells = whole(polytope)
     assert total(cells) == pytest.approx(polytope.volume, rel=1e-12)
-    planes = cells.planes[cells.facets]
+    planes = cells.planes[cells.facets // 2]
     assert np.max(np.abs((planes[:, :, :-1] * cells.start[:, None, :]).sum(axis=2) - planes[:, :, -1])) < 1e-12
 
 
