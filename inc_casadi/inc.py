@@ -19,6 +19,9 @@ from .errors import DimensionError, InvalidInputError, NotWellPosedError
 from .sets import Box
 from .well_posed import WellPosedness, perron_frobenius, well_posedness
 
+if TYPE_CHECKING:
+    from .plant import Plant
+
 
 class Adjoint(NamedTuple):
     """Gradients of a scalar loss l(u), summed over the points (eq:parameter_gradients); `y` is per point (p, N)."""
@@ -141,6 +144,18 @@ class INC:
         V[:, starts[-2]:] = weights[-1]
         return cls(W, U, V, np.zeros((m, p)), np.concatenate(biases[:-1]), biases[-1], activation or ReLU())
 
+    @classmethod
+    def from_mpc(cls, plant: Plant, Q: ArrayLike, R: ArrayLike, horizon: int, inputs: Box,
+                 terminal: ArrayLike | None = None, discount: float = 1.0) -> INC:
+        """Return the model predictive law of `mpc.MPC` with a box of inputs, exactly, as m horizon saturation units.
+
+        >>> from inc_casadi import Plant
+        >>> INC.from_mpc(Plant([[1.2]], [[1.0]]), [[1.0]], [[1.0]], 3, Box([-1.0], [1.0]))([5.0]).tolist()
+        [-1.0]
+        """
+        from .mpc import MPC
+        return MPC(plant, Q, R, horizon, inputs, terminal, discount).inc()
+
     def with_saturated_output(self, limits: Box) -> INC:
         """Return the law whose output is this one's, clipped to the box; one more saturation unit per input.
 
@@ -154,7 +169,7 @@ class INC:
         """
         if limits.dimension != self.m:
             raise DimensionError(f"limits is a box in R^{limits.dimension}, but the controller has {self.m} outputs")
-        center, half = _inner_half(limits)
+        center, half = inner_half(limits)
         scale = 1.0 / half[:, None]
         W = np.block([[self.W, np.zeros((self.q, self.m))], [scale * self.V, np.zeros((self.m, self.m))]])
         return INC(W, np.vstack([self.U, scale * self.K]), np.hstack([np.zeros((self.m, self.q)), np.diag(half)]),
@@ -292,7 +307,7 @@ class INC:
         return inc_function(self)
 
 
-def _inner_half(limits: Box) -> tuple[Array, Array]:
+def inner_half(limits: Box) -> tuple[Array, Array]:
     """Center and half widths in floats with center +- half within the box in exact arithmetic."""
     center, half = (limits.lower + limits.upper) / 2, (limits.upper - limits.lower) / 2
     for i in range(half.size):
