@@ -14,7 +14,7 @@ from .cell_motions import Motions, PlacedLaws, in_start, motions, placed_laws, p
 from .cell_vertices import Vertices, refined, trouble
 from .cell_walk import MOST_DIMENSIONS, CellWalk
 from .cells import simplices_of
-from .enclosure import Arrival, Enclosure, Step, enclose
+from .enclosure import Arrival, Enclosure, Rounding, Step, enclose
 from .fixed import ONE, PLACES, RESOLUTION
 from .laws import PiecewiseLoop
 from .places import Places, determinants, floats, placed, times
@@ -66,9 +66,9 @@ def settle(walk: CellWalk, loop: PiecewiseLoop, claim: Regional, terminal: Termi
     size = (e * times(placed(terminal.P), e[:, :, None])[:, :, 0] >> PLACES).sum(axis=1)
     form = moved.cost[walk.node] + _tails(walk, claim, terminal, moved)
     corner = _values(form[cells.owner], vertices.points)
-    largest = max(_largest(moved.F), _largest(form), _largest(a), _largest(vertices.points))
-    arrival = Arrival(len(cells), np.abs(floats(last)).max(axis=0), largest)
-    enclosure = enclose(loop, claim, terminal, steps, arrival, start=vertices.error)
+    arrival = Arrival(len(cells), np.abs(floats(last)).max(axis=0), 1.0)
+    rounding = _rounding(loop, claim, terminal, laws, moved, steps, arrival, _largest(vertices.points))
+    enclosure = enclose(loop, claim, terminal, steps, arrival, start=vertices.error, rounding=rounding)
     expected = None
     if loop.plant.n <= MOST_DIMENSIONS:
         expected = _expected(walk, region, form, corner, vertices)
@@ -89,6 +89,28 @@ def _sound_vertices(walk: CellWalk, region: Any, laws: PlacedLaws, moved: Motion
 
 def _largest(array: Places) -> float:
     return float(np.max(np.abs(floats(array)), initial=1.0))
+
+
+def _rounding(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, laws: PlacedLaws, moved: Motions,
+              steps: tuple[Step, ...], arrival: Arrival, V: float) -> Rounding:
+    """What rounding can do, with X, V, F, G, B, ... >= 1 the largest magnitudes of states, vertices, maps, laws, B, ...
+
+    The laws and the matrices A + B Gx are off by at most 2 + m B roundings, and x -> F x0 + f is rounded once in each step,
+    so a step is off by (2 + m B)(n X + 1) + n V + 2 roundings; z and u by n X + 2, and n G more from x. A value h - H u or
+    e'P e has m H or 2 n^2 P X times that and as many roundings of its own. A cost form comes from products of two maps
+    with a form of entries C, each off by a rounding of the map, in each step, and is taken at vertices.
+    """
+    plant, n, m = loop.plant, loop.plant.n, loop.plant.m
+    X = max([1.0, *(float(np.max(step.x)) for step in steps), float(np.max(arrival.x))])
+    G, F = max(_largest(laws.Gx), _largest(laws.g), _largest(laws.Zx)), max(_largest(moved.F), _largest(moved.f))
+    B, H = max(1.0, float(np.max(np.abs(plant.B)))), 1.0
+    if claim.inputs is not None:
+        H = max(1.0, float(np.max(np.abs(claim.inputs.H))), float(np.max(np.abs(claim.inputs.h))))
+    C = max(1.0, *(float(np.max(np.abs(part.astype(float)))) for part in (claim.Q, claim.R, terminal.tail)))
+    P = max(1.0, float(np.max(np.abs(terminal.P.astype(float)))))
+    formula = 8 * RESOLUTION * (n + m + 2) * (2 + m * B) * (X + V + G)
+    stage = 64 * RESOLUTION * (n + m + 1) ** 4 * G**2 * C * (F + X) ** 2 * V**2
+    return Rounding(formula, 8 * (n + m) ** 2 * H * P * X * formula, stage * (len(steps) + 2) ** 2)
 
 
 def _tails(walk: CellWalk, claim: Regional, terminal: TerminalSet, moved: Motions) -> Places:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Array
-from ..sets import Box, Polytope
+from ..sets import Box, Polytope, simplex
 
 GAPS = np.linspace(-0.1, 0.1, 18)[1:-1]  # where a cut may be placed, in tolerances, so that it meets no vertex
 
@@ -248,3 +248,15 @@ def simplices_of(cells: Cells) -> tuple[np.ndarray, np.ndarray]:
         vertex, item = vertex[row], np.cumsum(number)
         apexes = np.column_stack([apexes[parent], vertex[starts]])
     return apexes, cells.owner[apexes[:, 0]]
+
+
+def volumes(cells: Cells) -> Array:
+    """Return the volumes (N,) of the polytopes of starting points, from a triangulation.
+
+    >>> volumes(whole(Box([0.0, 0.0], [1.0, 2.0]))).round(12).tolist()
+    [2.0]
+    """
+    if not len(cells):
+        return np.zeros(0)
+    corners, owner = simplices_of(cells)
+    return np.bincount(owner, simplex.volumes(cells.start[corners]), minlength=len(cells))
