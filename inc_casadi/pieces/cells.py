@@ -8,6 +8,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..sets import Box, Polytope, simplex
+from .scatter import scattered
 
 GAPS = np.linspace(-0.1, 0.1, 18)[1:-1]  # where a cut may be placed, in tolerances, so that it meets no vertex
 
@@ -189,8 +190,8 @@ def edges(cells: Cells) -> tuple[np.ndarray, np.ndarray]:
     12
     """
     M, n = cells.facets.shape
-    codes = _scattered(cells.facets)
-    names = (codes.sum(axis=1, dtype=np.uint64) + _scattered(cells.owner + (1 << 40)))[:, None] - codes
+    codes = scattered(cells.facets)
+    names = (codes.sum(axis=1, dtype=np.uint64) + scattered(cells.owner + (1 << 40)))[:, None] - codes
     order = np.argsort(names, axis=None, kind="stable")
     first, second = order[0::2], order[1::2]
     flat = names.reshape(-1)
@@ -199,14 +200,6 @@ def edges(cells: Cells) -> tuple[np.ndarray, np.ndarray]:
     sound = (flat[first] == flat[second]).all() and (same == n - 1).all() and (cells.owner[low] == cells.owner[high]).all()
     assert M * n % 2 == 0 and sound, "the vertices do not close up to polytopes"
     return low, high
-
-
-def _scattered(numbers: np.ndarray) -> np.ndarray:
-    """Whole numbers sent to scattered 64-bit ones (the finalizer of SplitMix64)."""
-    z = numbers.astype(np.uint64) + np.uint64(0x9E3779B97F4A7C15)
-    z = (z ^ (z >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
-    z = (z ^ (z >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
-    return z ^ (z >> np.uint64(31))
 
 
 def moved(cells: Cells, A: Array, c: Array) -> Cells:

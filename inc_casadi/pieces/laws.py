@@ -11,10 +11,12 @@ import numpy as np
 from ..arrays import Array
 from ..blocks import exact
 from ..errors import ConvergenceError, InvalidInputError
+from ..fixed_point import feedforward_levels
 from ..inc import INC
 from ..plant import Plant
 from .fixed import ONE, PLACES, Fixed, rounded
 from .linear import identity, solve
+from .scatter import distinct_rows
 
 CLEAR = 1e-9  # in floats, what lies within a bound by this share of its terms certainly does
 REPAIRS, ROUNDS = 60, 8  # Newton steps on a pattern: in Fractions the last resort, in floats before solving anew
@@ -106,15 +108,25 @@ class PiecewiseLoop:
         W, U, V, K = number(inc.W), number(inc.U), number(inc.V), number(inc.K)
         b, d, C = number(inc.b), number(inc.d), number(self.plant.C)
         drive = np.concatenate([slope[:, :, None] * (U @ C), (slope * b + offset)[:, :, None]], axis=2)
-        system = identity(inc.q, W) - slope[:, :, None] * W
-        if inc.q == 0 or len(patterns) == 0:
-            eta = drive
-        elif self.arithmetic != "float":
-            eta = np.stack([solve(left, right) for left, right in zip(system, drive, strict=True)])
-        else:
-            eta = np.linalg.solve(system, drive)
+        eta = self._hidden_laws(slope, W, drive) if inc.q and len(patterns) else drive
         Ex, e = eta[:, :, :-1], eta[:, :, -1]
         return Laws(patterns, W @ Ex + U @ C, e @ W.T + b, K @ C + V @ Ex, e @ V.T + d, low, high)
+
+    def _hidden_laws(self, slope: Array, W: Array, drive: Array) -> Array:
+        """eta = slope W eta + drive (k, q, n + 1): level by level where W is feedforward, else one linear system each."""
+        if self._levels is not None:
+            eta = drive.copy()
+            for level in self._levels[1:]:
+                eta[:, level] = eta[:, level] + slope[:, level, None] * (W[level] @ eta)
+            return eta
+        system = identity(self.inc.q, W) - slope[:, :, None] * W
+        if self.arithmetic == "float":
+            return np.linalg.solve(system, drive)
+        return np.stack([solve(left, right) for left, right in zip(system, drive, strict=True)])
+
+    @cached_property
+    def _levels(self) -> list[np.ndarray] | None:
+        return feedforward_levels(self.inc.W)
 
     def patterns_at(self, x: Array, guess: np.ndarray | None = None) -> np.ndarray:
         """Return the pattern (N, q) at each point x (N, n); at a kink, up to rounding, the piece on either side.
@@ -162,14 +174,7 @@ class PiecewiseLoop:
 
     def distinct(self, patterns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return the distinct rows of patterns (N, q), and for each pattern which of them it is."""
-        if patterns.size == 0:
-            return patterns[:1], np.zeros(len(patterns), int)
-        base = self._pieces[0].shape[1]
-        if self.inc.q * np.log2(base) > 62:
-            rows, which = np.unique(patterns, axis=0, return_inverse=True)
-            return rows, which.reshape(-1)
-        keys = patterns @ np.array([base**i for i in range(self.inc.q)], dtype=np.int64)
-        _, first, which = np.unique(keys, return_index=True, return_inverse=True)
+        first, which = distinct_rows(patterns)
         return patterns[first], which
 
     def _indices(self, z: Array) -> np.ndarray:

@@ -106,7 +106,7 @@ def reachable(plant: Any, inc: INC, initial: Box | Polytope | Uniform, steps: in
     plant = as_plant(plant)
     close_loop(plant, inc)
     region = initial.support if isinstance(initial, Uniform) else initial
-    _check(plant, region)
+    region = _checked(plant, region)
     inc(plant.C @ region.center)  # refuses what is not well posed
     budget = budget or Budget()
     deadline = Deadline(budget.pieces, budget.seconds, time.monotonic())
@@ -138,8 +138,9 @@ def _advanced(loop: PiecewiseLoop, cells: Cells, patterns: np.ndarray | None, si
     return after, split.patterns, size, np.array([u.min(axis=0), u.max(axis=0)]), ""
 
 
-def _check(plant: Plant, region: Any) -> None:
+def _checked(plant: Plant, region: Any) -> Box | Polytope:
     if not isinstance(region, Box | Polytope):
         raise InvalidInputError(f"initial must be a Box, a Polytope or a Uniform over one, not {region!r}")
     if region.dimension != plant.n:
         raise InvalidInputError(f"initial has dimension {region.dimension}, but the plant has {plant.n} states")
+    return region

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .cutting import Cuts
+from .scatter import distinct_rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,11 +49,11 @@ class Trails:
         if patterns.shape[1] == 0:
             return np.zeros((1, 0), dtype=int), np.zeros(len(patterns), dtype=int)
         together = np.concatenate([self.patterns, patterns])
-        _, first, which = np.unique(together, axis=0, return_index=True, return_inverse=True)
+        first, which = distinct_rows(together)
         order = np.argsort(first, kind="stable")
         rank = np.empty(len(order), dtype=int)
         rank[order] = np.arange(len(order))
-        return together[first[order]], rank[which.reshape(-1)[len(self.patterns):]]
+        return together[first[order]], rank[which[len(self.patterns):]]
 
     def with_cuts(self, cuts: Cuts, node: np.ndarray) -> Trails:
         """Return the tree with cuts added; node (N,): where each cell was before them."""
@@ -64,7 +65,9 @@ class Trails:
     def stepped(self, node: np.ndarray, patterns: np.ndarray) -> tuple[Trails, np.ndarray]:
         """Return the tree after cells at nodes (N,) took a step under patterns (N, q), and their new nodes."""
         table, row = self.numbered(patterns)
-        pairs, which = np.unique(np.column_stack([node, row]), axis=0, return_inverse=True)
+        both = np.column_stack([node, row])
+        first, which = distinct_rows(both)
+        pairs = both[first]
         grown = Trails(table, np.concatenate([self.parent, pairs[:, 0]]), np.concatenate([self.pattern, pairs[:, 1]]),
                        self.node, self.row, self.bound, self.level)
-        return grown, len(self.parent) + which.reshape(-1)
+        return grown, len(self.parent) + which
