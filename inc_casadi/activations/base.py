@@ -3,34 +3,15 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
+from .piecewise import Pieces, around, as_interval, sector_between, slopes_between
 
-
-@dataclass(frozen=True, eq=False)
-class Pieces:
-    """A continuous piecewise-affine function of one variable, phi(z) = slopes[j] z + intercepts[j] on piece j.
-
-    Piece j reaches from kinks[j - 1] to kinks[j]; the first and last pieces are unbounded.
-
-    kinks: (k,) increasing; slopes: (k + 1,); intercepts: (k + 1,).
-
-    >>> Pieces(np.array([0.0]), np.array([0.0, 1.0]), np.array([0.0, 0.0])).index(np.array([-1.0, 2.0]))
-    array([0, 1])
-    """
-
-    kinks: Array
-    slopes: Array
-    intercepts: Array
-
-    def index(self, z: ArrayLike) -> np.ndarray:
-        """Return the piece of each z; a z on a kink belongs to the piece on its right."""
-        return np.searchsorted(self.kinks, z, side="right")
+__all__ = ["Activation", "Pieces"]
 
 
 class Activation(ABC):
@@ -80,6 +61,36 @@ class Activation(ABC):
         if pieces is None or np.any(pieces.intercepts) or np.any(pieces.kinks):
             return None
         return float(pieces.slopes[0]), float(pieces.slopes[-1])
+
+    def slopes_on(self, low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:
+        """Return bounds on (phi(r) - phi(s)) / (r - s) over all r != s in [low, high].
+
+        Piecewise-affine activations: the extreme slopes of the pieces met, exactly. Others: `slopes`, true everywhere; an
+        activation that knows its derivative states more. The bounds hold in exact arithmetic. low, high: finite, of any
+        common shape.
+
+        Raises InvalidInputError when low > high.
+        """
+        low, high = as_interval(low, high)
+        return slopes_between(self.pieces, low, high) if self.pieces else self._everywhere(low)
+
+    def sector_on(self, center: ArrayLike, low: ArrayLike, high: ArrayLike,
+                  spread: ArrayLike = 0.0) -> tuple[Array, Array]:
+        """Return bounds on (phi(z) - phi(c)) / (z - c) over z != c, z in [low, high], |c - center| <= spread.
+
+        These are the local sectors of Yin, Seiler and Arcak (IEEE TAC 67(4), 2022) about a center that need only be
+        enclosed. Piecewise-affine activations: sharp; others: `slopes`, as in `slopes_on`. Rounded outward, so that the
+        bounds hold in exact arithmetic. All of any common shape.
+
+        Raises InvalidInputError when low > high or spread < 0.
+        """
+        low, high = as_interval(low, high)
+        first, last = around(center, spread)
+        return sector_between(self.pieces, first, last, low, high) if self.pieces else self._everywhere(low + first)
+
+    def _everywhere(self, like: Array) -> tuple[Array, Array]:
+        lowest, highest = self.slopes
+        return np.full(like.shape, lowest), np.full(like.shape, highest)
 
     def __call__(self, z: ArrayLike) -> Array:
         """Return phi(z) elementwise for an array of any shape."""

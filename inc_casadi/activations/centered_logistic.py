@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from .base import Activation
+from .bell import Bell
 
 
 @dataclass(frozen=True)
-class CenteredLogistic(Activation):
+class CenteredLogistic(Bell):
     """Centered logistic sigmoid: phi(z) = 1 / (1 + exp(-z)) - 1/2 = tanh(z / 2) / 2; sector and slopes in [0, 1/4].
 
     Since the slope is at most 1/4, W is well posed already when lambda_pf(|W|) < 4.

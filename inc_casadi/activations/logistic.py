@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from .base import Activation
+from .bell import Bell
 
 
 @dataclass(frozen=True)
-class Logistic(Activation):
+class Logistic(Bell):
     """Logistic sigmoid: phi(z) = 1 / (1 + exp(-z)), slopes in [0, 1/4], values in [0, 1].
 
     phi(0) = 1/2, so it has no sector at the origin: its loops are certified about their equilibrium only

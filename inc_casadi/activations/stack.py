@@ -82,3 +82,32 @@ def lipschitz(units: Units) -> Array:
     """Return the largest absolute slope of each unit (q,), the diagonal of S in |phi(r) - phi(s)| <= S |r - s|."""
     low, high = slopes(units)
     return np.maximum(np.abs(low), np.abs(high))
+
+
+def slopes_on(units: Units, low: Array, high: Array) -> tuple[Array, Array]:
+    """Return bounds (q,) on the slopes between any two points of [low_i, high_i], unit by unit (`Activation.slopes_on`).
+
+    >>> from inc_casadi.activations import ReLU, Saturation
+    >>> slopes_on((ReLU(), Saturation()), np.array([1.0, 0.5]), np.array([2.0, 2.0]))
+    (array([1., 0.]), array([1., 1.]))
+    """
+    out = np.empty((2, len(units)))
+    for unit, rows in groups(units):
+        out[:, rows] = unit.slopes_on(low[rows], high[rows])
+    return out[0], out[1]
+
+
+def sector_on(units: Units, center: Array, low: Array, high: Array, spread: Array) -> tuple[Array, Array]:
+    """Return bounds (q,) on the slopes from center_i to points of [low_i, high_i], unit by unit (`Activation.sector_on`).
+
+    spread: (q,) how far the centers may be from those given.
+
+    >>> from inc_casadi.activations import Saturation
+    >>> low, high = sector_on((Saturation(),), np.zeros(1), np.array([-4.0]), np.array([4.0]), np.zeros(1))
+    >>> 0.2499999 < low.item() <= 0.25, high.item()
+    (True, 1.0)
+    """
+    out = np.empty((2, len(units)))
+    for unit, rows in groups(units):
+        out[:, rows] = unit.sector_on(center[rows], low[rows], high[rows], spread[rows])
+    return out[0], out[1]

@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array
-from .base import Activation
+from .bell import Bell
 
 
 @dataclass(frozen=True)
-class Tanh(Activation):
+class Tanh(Bell):
     """Hyperbolic tangent: sector and slopes in [0, 1], odd, values in [-1, 1].
 
     >>> Tanh()(0.0).item()
