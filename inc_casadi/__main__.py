@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 from .certificate import Certificate, MatrixCertificate, Proof
+from .ellipsoid_certificate import EllipsoidCertificate
 from .errors import FormatError, INCError
 from .interchange import load
 
@@ -73,7 +74,7 @@ def prove(certificate: Certificate, *, exactly: bool) -> Proof:
     >>> bool(prove(MatrixCertificate(*loop, Stability(0.6), "sector", {"P": [[1.0]], "Lambda": []}), exactly=False))
     True
     """
-    if exactly and isinstance(certificate, MatrixCertificate):
+    if exactly and isinstance(certificate, MatrixCertificate | EllipsoidCertificate):
         return certificate.prove(method="exact")
     return certificate.prove()
 

@@ -22,9 +22,23 @@ import numpy as np
 
 from ..activations import CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh
 from ..certificate import MatrixCertificate
-from ..claims import DeviationCost, DiscountedCost, L2Gain, Margins, Polytopic, Regional, Robust, Stability, Together
+from ..claims import (
+    Attraction,
+    DeviationCost,
+    DiscountedCost,
+    Invariance,
+    L2Gain,
+    Margins,
+    Polytopic,
+    Regional,
+    Robust,
+    Stability,
+    Together,
+)
+from ..ellipsoid_certificate import EllipsoidCertificate
 from ..errors import FormatError, INCError
 from ..inc import INC
+from ..invariance_certificate import InvarianceCertificate
 from ..multipliers import Lifted, Relu, Sector, Slope
 from ..pieces.walk import Budget
 from ..plant import Plant
@@ -38,8 +52,9 @@ HEADER = ("format", "version", "digest")
 
 KINDS: tuple[type, ...] = (
     Plant, INC, Spec, Box, Polytope, Ellipsoid, Uniform, Gaussian, Empirical, Stability, DiscountedCost, DeviationCost,
-    L2Gain, Margins, Robust, Polytopic, Together, Regional, InputSector, NormBounded, Sector, Slope, Relu, Lifted,
-    MatrixCertificate, RegionalCertificate, Budget, CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh,
+    L2Gain, Margins, Robust, Polytopic, Together, Regional, Attraction, Invariance, InputSector, NormBounded, Sector, Slope,
+    Relu, Lifted, MatrixCertificate, RegionalCertificate, EllipsoidCertificate, InvarianceCertificate, Budget,
+    CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh,
 )
 """The dataclasses that a file may hold, each written field by field under its class's name; add a class to save it."""
 
