@@ -14,8 +14,9 @@ from ..arrays import Array
 from ..loop import equilibrium
 from ..pieces.laws import PiecewiseLoop
 from ..sets import Box, Ellipsoid, Gaussian, Polytope
+from .meshes import grid_in_triangle
 from .motions import Motions
-from .style import QUIET, WORST, colour, formula, name_of, tint
+from .style import QUIET, WORST, colour, law_name, name_of, tint
 
 MOST_LAWS = 7
 FINEST, MOST_TRIANGLES = 12, 40_000
@@ -75,18 +76,10 @@ def lattice(start: Array, cost: Array) -> tuple[Triangulation, Array]:
     (1.0, 144)
     """
     k = int(np.clip(np.sqrt(MOST_TRIANGLES / len(start)), 1, FINEST))
-    i, j = (grid.ravel() for grid in np.meshgrid(np.arange(k + 1), np.arange(k + 1), indexing="ij"))
-    inside = i + j <= k
-    i, j = i[inside], j[inside]
-    number = np.full((k + 2, k + 2), -1)
-    number[i, j] = np.arange(i.size)
-    up = np.stack([number[i, j], number[i + 1, j], number[i, j + 1]], axis=1)
-    down = np.stack([number[i + 1, j], number[i + 1, j + 1], number[i, j + 1]], axis=1)
-    cells = np.concatenate([part[np.all(part >= 0, axis=1)] for part in (up, down)])
-    weights = np.stack([k - i - j, i, j], axis=1) / k
+    weights, cells = grid_in_triangle(k)
     points = np.einsum("ak,ski->sai", weights, start).reshape(-1, 2)
     values = np.einsum("ak,skl,al->sa", weights, cost, weights).ravel()
-    shifted = (cells[None] + i.size * np.arange(len(start))[:, None, None]).reshape(-1, 3)
+    shifted = (cells[None] + len(weights) * np.arange(len(start))[:, None, None]).reshape(-1, 3)
     return Triangulation(points[:, 0], points[:, 1], shifted), values
 
 
@@ -136,10 +129,7 @@ def _laws(result: Any, start: Array) -> tuple[np.ndarray, list[str]]:
     table = np.concatenate([laws.Gx.reshape(len(patterns), -1), laws.g], axis=1)
     size = max(float(np.max(np.abs(table), initial=0.0)), 1e-300)
     _, first, same = np.unique(np.round(table / size, 9), axis=0, return_index=True, return_inverse=True)
-    m = laws.g.shape[1]
-    names = ["\n".join(f"{name_of('u', k, m)}$ = {formula(laws.Gx[i, k], laws.g[i, k])}$" for k in range(m))
-             for i in first]
-    return same.ravel()[which.ravel()], names
+    return same.ravel()[which.ravel()], [law_name(laws.Gx[i], laws.g[i]) for i in first]
 
 
 def _draw_initial(axes: Any, initial: Any) -> list[Any]:

@@ -82,3 +82,13 @@ def formula(row: np.ndarray, constant: float, symbol: str = "x") -> str:
         sign = ("-" if value < 0 else "") if not out else (" - " if value < 0 else " + ")
         out += sign + f"{abs(value):.3g}" + (rf"\,{name}" if name else "")
     return out or "0"
+
+
+def law_name(G: np.ndarray, g: np.ndarray) -> str:
+    """Return the affine law u = G x + g as text, one line for each input; G (m, n), g (m,).
+
+    >>> law_name(np.array([[2.0]]), np.array([1.0]))
+    '$u$$ = 2\\\\,x + 1$'
+    """
+    m = len(g)
+    return "\n".join(f"{name_of('u', k, m)}$ = {formula(G[k], g[k])}$" for k in range(m))
