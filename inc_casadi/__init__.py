@@ -6,14 +6,34 @@ that need them.
 
 from . import bounds, errors
 from .activations import CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh
+from .admissible_set import admissible_set
 from .certificate import Certificate
 from .certify import certify
-from .claims import DeviationCost, DiscountedCost, L2Gain, Margins, Polytopic, Regional, Robust, Stability, Together
+from .claims import (
+    Attraction,
+    DeviationCost,
+    DiscountedCost,
+    Invariance,
+    L2Gain,
+    Margins,
+    Polytopic,
+    Regional,
+    Robust,
+    Stability,
+    Together,
+)
 from .errors import INCError
 from .inc import INC
 from .interchange import load, save
 from .loop import close_loop, equilibrium
+from .mpc import MPC
 from .multipliers import Lifted
+from .pieces.basin import region_of_attraction
+from .pieces.difference import largest_difference
+from .pieces.reach import reachable
+from .pieces.regions import regions
+from .pieces.scale import largest_scale
+from .pieces.walk import Budget
 from .plant import Plant
 from .sets import Box, Ellipsoid, Empirical, Gaussian, Polytope, Uniform
 from .simulate import simulate
@@ -21,8 +41,10 @@ from .spec import Spec
 from .uncertainty import InputSector, NormBounded
 
 __all__ = [
-    "Box", "CenteredLogistic", "Certificate", "DeviationCost", "DiscountedCost", "Ellipsoid", "Empirical", "Gaussian", "INC",
-    "INCError", "Identity", "InputSector", "L2Gain", "LeakyReLU", "Lifted", "Logistic", "Margins", "NormBounded", "Plant",
-    "Polytope", "Polytopic", "ReLU", "Regional", "Robust", "Saturation", "Spec", "Stability", "Tanh", "Together", "Uniform",
-    "bounds", "certify", "close_loop", "equilibrium", "errors", "load", "save", "simulate",
+    "Attraction", "Box", "Budget", "CenteredLogistic", "Certificate", "DeviationCost", "DiscountedCost", "Ellipsoid",
+    "Empirical", "Gaussian", "INC", "INCError", "Identity", "InputSector", "Invariance", "L2Gain", "LeakyReLU", "Lifted",
+    "Logistic", "MPC", "Margins", "NormBounded", "Plant", "Polytope", "Polytopic", "ReLU", "Regional", "Robust",
+    "Saturation", "Spec", "Stability", "Tanh", "Together", "Uniform", "admissible_set", "bounds", "certify", "close_loop",
+    "equilibrium", "errors", "largest_difference", "largest_scale", "load", "reachable", "region_of_attraction",
+    "regions", "save", "simulate",
 ]

@@ -8,13 +8,17 @@ from typing import Any
 import numpy as np
 
 from .certificate import Certificate, MatrixCertificate
+from .claims.attraction import Attraction
 from .claims.base import Claim
+from .claims.invariance import Invariance
 from .claims.regional import Regional
 from .errors import InvalidInputError
 from .inc import INC
 from .inequalities import Inequalities
+from .invariance_certificate import certify_invariance
 from .lmi_search import search, unsolved, worst_margin
 from .lmi_solvers import Solvers
+from .local.certify import certify_attraction
 from .loop import ClosedLoop, close_loop
 from .multipliers import LADDER, Multiplier, Sector, as_multiplier
 from .pieces.walk import Budget
@@ -24,17 +28,22 @@ from .regional_certificate import certify_region
 MOST_UNKNOWNS = 1500  # up to which "auto" tries a rung: about ten seconds for each search
 
 
-def certify(plant: Any, inc: INC, claim: Claim | Regional, *, multiplier: str | Multiplier = "auto",
-            solver: str = "auto", budget: Budget | None = None) -> Certificate:
+def certify(plant: Any, inc: INC, claim: Claim | Regional | Attraction | Invariance, *,
+            multiplier: str | Multiplier = "auto", solver: str = "auto", method: str = "auto",
+            budget: Budget | None = None) -> Certificate:
     """Return the best certificate found for a claim about plant and controller; it may not hold, and then says why.
 
-    plant: Plant or control.StateSpace; inc: the controller; claim: a `Claim` such as `Stability`, `DiscountedCost`,
-    `L2Gain`, `Margins`, `Robust`, `Polytopic` or `Together`, or `Regional`; budget: how far the exact pieces of a
-    `Regional` claim may go, which needs no multiplier. For the others, multiplier: "sector" (eq:M_lambda), "slope" (units
-    of one function), "relu" (complete for kinks), "lifted" (Lyapunov functions of x and eta), a Multiplier such as
-    `Lifted(2)`, or "auto". "auto" climbs them in this order, wherever they apply, and returns the strongest that holds;
-    for a claim with nothing to improve, the first that holds. The note says how each rung fared. solver: "interior
-    point", "clarabel", or "auto", the former with the latter for what it gives up on.
+    plant: Plant or control.StateSpace; inc: the controller; claim: what is to be shown.
+
+    Everywhere: a `Claim` such as `Stability`, `DiscountedCost`, `L2Gain`, `Margins`, `Robust`, `Polytopic` or `Together`.
+    multiplier: "sector" (eq:M_lambda), "slope" (units of one function), "relu" (complete for kinks), "lifted" (Lyapunov
+    functions of x and eta), a Multiplier such as `Lifted(2)`, or "auto". "auto" climbs them in this order, wherever they
+    apply, and returns the strongest that holds; for a claim with nothing to improve, the first that holds. The note says
+    how each rung fared. solver: "interior point", "clarabel", or "auto", the former with the latter for what it gives up on.
+
+    From a set: `Regional` (exact pieces), `Attraction` (the largest ellipsoid; method: "linear", "convex hull", "dead zone",
+    "local sectors", "polytope", or "auto", the largest of all) and `Invariance` (of a given set; method: "pieces",
+    "mixed-integer", "bounds", or "auto"). budget: how far exact pieces may go.
 
     A matrix certificate is sufficient, not necessary: that none is found does not refute the claim.
 
@@ -53,6 +62,10 @@ def certify(plant: Any, inc: INC, claim: Claim | Regional, *, multiplier: str | 
         raise InvalidInputError(f"inc must be an INC, not {type(inc).__name__}")
     if isinstance(claim, Regional):
         return certify_region(plant, inc, claim, budget)
+    if isinstance(claim, Attraction):
+        return certify_attraction(plant, inc, claim, method)
+    if isinstance(claim, Invariance):
+        return certify_invariance(plant, inc, claim, method, budget)
     if not isinstance(claim, Claim):
         raise InvalidInputError(f"claim must be a Claim such as Stability(), not {claim!r}")
     if isinstance(multiplier, str) and multiplier == "auto":
