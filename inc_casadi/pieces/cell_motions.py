@@ -12,6 +12,7 @@ from ..claims.regional import Regional
 from ..sets import Box, Polytope
 from .cell_walk import CellWalk
 from .laws import PiecewiseLoop
+from .layered import layered_laws
 from .linear import solve
 from .places import Places, placed, scaled, times
 from .trails import Trails
@@ -35,9 +36,14 @@ class PlacedLaws:
 
 
 def placed_laws(loop: PiecewiseLoop, patterns: np.ndarray) -> PlacedLaws:
-    """Return the laws of patterns (P, q), solved in Fractions and rounded once; loop: one in "fixed" arithmetic."""
-    laws, plant = loop.laws(patterns), loop.plant
-    Zx, z0, Gx, g = (placed(part) for part in (laws.Zx, laws.z0, laws.Gx, laws.g))
+    """Return the laws of patterns (P, q) to less than 2 roundings; loop: one in "fixed" arithmetic.
+
+    Where W is feedforward they are summed level by level with more places (`layered.layered_laws`), else each is solved in
+    Fractions.
+    """
+    layered = layered_laws(loop, patterns)
+    laws, plant = layered or loop.laws(patterns), loop.plant
+    Zx, z0, Gx, g = (placed(part) if layered is None else part for part in (laws.Zx, laws.z0, laws.Gx, laws.g))
     A, B = placed(plant.A), placed(plant.B)
     return PlacedLaws(Zx, z0, Gx, g, A + times(B, Gx), times(g, B.T), _ends(laws.low), _ends(laws.high))
 

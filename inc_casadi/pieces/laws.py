@@ -117,7 +117,8 @@ class PiecewiseLoop:
         if self._levels is not None:
             eta = drive.copy()
             for level in self._levels[1:]:
-                eta[:, level] = eta[:, level] + slope[:, level, None] * (W[level] @ eta)
+                read = np.flatnonzero(np.any(W[level] != 0, axis=0))
+                eta[:, level] = eta[:, level] + slope[:, level, None] * (W[np.ix_(level, read)] @ eta[:, read])
             return eta
         system = identity(self.inc.q, W) - slope[:, :, None] * W
         if self.arithmetic == "float":
@@ -184,6 +185,11 @@ class PiecewiseLoop:
 
     @cached_property
     def _pieces(self) -> tuple[Array, Array, Array, Array]:
+        slope, offset, low, high = self.pieces_in_floats
+        return self.numbers(slope), self.numbers(offset), self._ends(low), self._ends(high)
+
+    @cached_property
+    def pieces_in_floats(self) -> tuple[Array, Array, Array, Array]:
         """Slope, intercept, low and high end of every piece of every unit, each (q, most pieces); padding beyond."""
         pieces = [unit.pieces for unit in self.inc.activations if unit.pieces is not None]
         shape = len(pieces), max((piece.slopes.size for piece in pieces), default=1)
@@ -192,7 +198,7 @@ class PiecewiseLoop:
             k = piece.kinks.size
             slope[i, :k + 1], offset[i, :k + 1] = piece.slopes, piece.intercepts
             low[i, 0], low[i, 1:k + 1], high[i, :k] = -np.inf, piece.kinks, piece.kinks
-        return self.numbers(slope), self.numbers(offset), self._ends(low), self._ends(high)
+        return slope, offset, low, high
 
     def _ends(self, ends: Array) -> Array:
         """Ends of pieces as numbers of this loop; an infinite end stays a float, which Fractions compare with exactly."""

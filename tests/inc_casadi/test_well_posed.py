@@ -57,7 +57,10 @@ def test_the_error_bound_follows_the_test_and_the_guard():
     ends = (np.zeros(1), np.ones(1))
     half = law([[0.5]]).well_posedness()
     assert error_from_residual(half, np.array([[0.5]]), ends, np.array([3.0]))[0] == pytest.approx(6.0)
-    assert error_from_residual(half, np.array([[0.5]]), ends, np.array([3.0]), 1.1)[0] == pytest.approx(1.1 * 3 / 0.45)
+    assert error_from_residual(half, np.array([[0.5]]), ends, np.array([3.0]), 1.1)[0] == pytest.approx(1.1 * 6.0)
+    chain = law([[0.0, 0.0], [9.0, 0.0]])
+    small = error_from_residual(chain.well_posedness(), chain.W, (np.zeros(2), np.ones(2)), np.array([1.0, 1e-9]))
+    np.testing.assert_allclose(small, [1.0, 9.0], rtol=1e-5)  # (I - M)^{-1} residual, far below the weights' bound
     assert error_from_residual(half, np.array([[0.5]]), ends, np.array([3.0]), 2.0)[0] == np.inf
     steep = law([[-3.0]]).well_posedness()
     plain = error_from_residual(steep, np.array([[-3.0]]), ends, np.array([0.4]))[0]
