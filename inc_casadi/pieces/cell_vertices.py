@@ -79,11 +79,11 @@ def trouble(cells: Cells, a: Places, b: Places, vertices: Vertices) -> str:
     rough_a, rough_b, x = floats(a), floats(b), floats(vertices.points)
     slack = sign * (rough_b[plane] - (rough_a[plane] * x[vertex]).sum(axis=1))
     terms = np.abs(rough_b[plane]) + (np.abs(rough_a[plane]) * np.abs(x[vertex])).sum(axis=1)
-    near = np.flatnonzero(slack <= 1e-9 * terms)
+    need = 4 * (vertices.error * (1 + np.abs(rough_a[plane]).sum(axis=1)) + 2.0**-PLACES)
+    near = np.flatnonzero(slack <= 1e-9 * terms + need)
     if near.size:
         fine = b[plane[near]] - times(a[plane[near]][:, None, :], vertices.points[vertex[near]][:, :, None])[:, 0, 0]
         room = sign[near] * floats(fine)
-        need = 4 * (vertices.error * (1 + np.abs(rough_a[plane[near]]).sum(axis=1)) + 2.0**-PLACES)
-        if np.any(room <= need):
+        if np.any(room <= need[near]):
             return "a vertex lies on, or to rounding on, a facet that it is not counted to"
     return ""

@@ -75,7 +75,7 @@ class CellWalk:
     @property
     def worst(self) -> tuple[float, Array]:
         """The largest cost from any starting point that arrived, and where: it is convex on each cell, so at a vertex."""
-        lifted = np.concatenate([self.arrived.start, np.ones((len(self.arrived.owner), 1))], axis=1)
+        lifted = self.arrived.lifted()
         cost = ((lifted[:, None, :] @ self.arrived.cost[self.arrived.owner])[:, 0] * lifted).sum(axis=1)
         at = int(np.argmax(cost))
         return float(cost[at]), self.arrived.start[at]
@@ -103,7 +103,7 @@ class CellWalk:
         corners, owner = simplices_of(cells)
         start = cells.start[corners]
         weight = simplex.volumes(start) / self.volume
-        lifted = np.concatenate([start, np.ones((*start.shape[:2], 1))], axis=2)
+        lifted = cells.lifted()[corners]
         cost = lifted @ cells.cost[owner] @ np.swapaxes(lifted, 1, 2)
         return Simplices(cells.now[corners], start, weight, cost), owner
 

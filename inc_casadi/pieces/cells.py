@@ -24,8 +24,10 @@ class Cells:
 
     owner (M,): the polytope of each vertex, ascending; facets (M, n): numbers of the facets it lies on, ascending; start
     (M, n) and now (M, n): where it began and where it is; planes (F, n + 1): with (a, b) = planes[f], facet 2 f stands for
-    a x0 <= b and facet 2 f + 1 for a x0 >= b, in starting coordinates; motion (N, n, n + 1): the affine map from start
-    to now; cost (N, n + 1, n + 1): the form c with cost(x0) = (x0, 1)' c (x0, 1).
+    a x0 <= b and facet 2 f + 1 for a x0 >= b, in starting coordinates; center (N, n): a starting point of each polytope;
+    motion (N, n, n + 1): the affine map from x0 - center to now; cost (N, n + 1, n + 1): the form c with cost(x0) =
+    (x0 - center, 1)' c (x0 - center, 1). A center within keeps the terms of both as small as their sums, so that no digits
+    are lost where motions spread apart.
     """
 
     owner: np.ndarray
@@ -33,6 +35,7 @@ class Cells:
     start: Array
     now: Array
     planes: Array
+    center: Array
     motion: Array
     cost: Array
 
@@ -66,7 +69,7 @@ class Cells:
         mine = chosen[self.owner]
         number = np.cumsum(chosen) - 1
         return Cells(number[self.owner[mine]], self.facets[mine], self.start[mine], self.now[mine], self.planes,
-                     self.motion[chosen], self.cost[chosen])
+                     self.center[chosen], self.motion[chosen], self.cost[chosen])
 
     @staticmethod
     def joined_all(parts: list[Cells], planes: Array) -> Cells:
@@ -75,8 +78,24 @@ class Cells:
         owner = np.concatenate([part.owner + shift for part, shift in zip(parts, shifts, strict=True)])
         names = ("facets", "start", "now")
         facets, start, now = (np.concatenate([getattr(part, name) for part in parts]) for name in names)
-        motion, cost = (np.concatenate([getattr(part, name) for part in parts]) for name in ("motion", "cost"))
-        return Cells(owner, facets, start, now, planes, motion, cost)
+        center, motion, cost = (np.concatenate([getattr(part, name) for part in parts])
+                                for name in ("center", "motion", "cost"))
+        return Cells(owner, facets, start, now, planes, center, motion, cost)
+
+    def lifted(self) -> Array:
+        """Return (x0 - center, 1), (M, n + 1), at the vertices."""
+        return np.concatenate([self.start - self.center[self.owner], np.ones((len(self.owner), 1))], axis=1)
+
+    def recentered(self) -> Cells:
+        """Return the same cells with their centers in the middle of their vertices."""
+        if not len(self):
+            return self
+        counts = np.bincount(self.owner, minlength=len(self))
+        center = np.add.reduceat(self.start, self.first, axis=0) / counts[:, None]
+        n = center.shape[1]
+        shift = np.broadcast_to(np.eye(n + 1), (len(self), n + 1, n + 1)).copy()
+        shift[:, :n, n] = center - self.center
+        return replace(self, center=center, motion=self.motion @ shift, cost=np.swapaxes(shift, 1, 2) @ self.cost @ shift)
 
 
 def whole(region: Box | Polytope) -> Cells:
@@ -111,7 +130,7 @@ def _faces(corners: Array) -> Array:
 def _at_rest(owner: np.ndarray, facets: np.ndarray, corners: Array, planes: Array, N: int) -> Cells:
     n = corners.shape[1]
     motion = np.broadcast_to(np.eye(n, n + 1), (N, n, n + 1)).copy()
-    return Cells(owner, facets, corners, corners, planes, motion, np.zeros((N, n + 1, n + 1)))
+    return Cells(owner, facets, corners, corners, planes, np.zeros((N, n)), motion, np.zeros((N, n + 1, n + 1))).recentered()
 
 
 def cut(cells: Cells, height: Array, planes: Array, tolerance: Array) -> tuple[Cells, np.ndarray, Array]:
@@ -149,7 +168,15 @@ def cut(cells: Cells, height: Array, planes: Array, tolerance: Array) -> tuple[C
     order = np.argsort(parts[0], kind="stable")
     owners, facets, start, now = (part[order] for part in parts)
     parent = np.tile(np.arange(N), 2)
-    return Cells(owners, facets, start, now, table, cells.motion[parent], cells.cost[parent]), parent, level
+    pieces = Cells(owners, facets, start, now, table, cells.center[parent], cells.motion[parent], cells.cost[parent])
+    return pieces.recentered(), parent, level
+
+
+def in_start(cells: Cells, rows: Array, offset: Array) -> Array:
+    """Return functions rows x + offset of the states now, (N, n) and (N,), as planes (N, n + 1), (a, b) with a x0 - b."""
+    along = (rows[:, None, :] @ cells.motion)[:, 0]
+    a = along[:, :-1]
+    return np.column_stack([a, (a * cells.center).sum(axis=1) - along[:, -1] - offset])
 
 
 def _free_level(cells: Cells, height: Array, tolerance: Array) -> Array:

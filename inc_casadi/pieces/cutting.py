@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array
-from .cells import Cells, cut
+from .cells import Cells, cut, in_start
 from .laws import Laws, PiecewiseLoop
 
 TOLERANCE = 1e-12  # a z this close to a kink counts as on it, relative to the terms that z is summed from
@@ -143,8 +143,7 @@ def _height(laws: Laws, which: np.ndarray, cells: Cells, bound: np.ndarray) -> t
     gradient = sign[:, None] * laws.Zx[which, unit]
     offset = np.where(lower, laws.low[which, unit] - laws.z0[which, unit], laws.z0[which, unit] - laws.high[which, unit])
     height = (gradient[cells.owner] * cells.now).sum(axis=1) + offset[cells.owner]
-    plane = (gradient[:, None, :] @ cells.motion)[:, 0]
-    return height, np.column_stack([plane[:, :-1], -(plane[:, -1] + offset)])
+    return height, in_start(cells, gradient, offset)
 
 
 def magnitude(loop: PiecewiseLoop, patterns: np.ndarray, cells: Cells) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..sets import Box, Polytope
-from .cells import Cells, cut, moved, volumes
+from .cells import Cells, cut, in_start, moved, volumes
 from .cutting import TOLERANCE, Deadline, magnitude, one_law_each
 from .laws import Laws, PiecewiseLoop
 from .terminal import TerminalSet
@@ -124,7 +124,6 @@ def _within_limits(inputs: Box | Polytope, cells: Cells, laws: Laws, which: np.n
 def _lower_halves(cells: Cells, crossed: np.ndarray, height: Array, gradient: Array, offset: Array,
                   tolerance: float) -> Cells:
     rows = cells.take(crossed)
-    plane = (gradient[crossed][:, None, :] @ rows.motion)[:, 0]
-    planes = np.column_stack([plane[:, :-1], -(plane[:, -1] + offset[crossed])])
+    planes = in_start(rows, gradient[crossed], offset[crossed])
     halves, _, _ = cut(rows, height[crossed[cells.owner]], planes, np.full(len(rows), tolerance))
     return halves.take(np.arange(len(halves)) < len(rows))

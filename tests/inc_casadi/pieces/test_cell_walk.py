@@ -37,8 +37,8 @@ def test_costs_are_those_of_trajectories(seed):
     found, _ = both(plant, inc, claim)
     points = found.arrived.start.T
     _, u, cost = motions(plant, inc, claim, points)
-    lifted = np.vstack([points, np.ones(points.shape[1])])
-    stated = np.einsum("iv,vij,jv->v", lifted, found.arrived.cost[found.arrived.owner], lifted)
+    lifted = found.arrived.lifted()
+    stated = np.einsum("vi,vij,vj->v", lifted, found.arrived.cost[found.arrived.owner], lifted)
     np.testing.assert_allclose(stated, cost, rtol=1e-8)
     assert np.max(claim.inputs.H @ u.reshape(plant.m, -1) - claim.inputs.h[:, None]) <= 1e-9 - found.slack
     draws = claim.initial.sample(4000, np.random.default_rng(seed))

@@ -75,8 +75,9 @@ def test_moving_keeps_starting_points_and_composes_the_maps():
     cells = shattered(3, 3, seed=5)
     A, c = rng.standard_normal((len(cells), 3, 3)), rng.standard_normal((len(cells), 3))
     after = moved(moved(cells, A, c), A, c)
-    lifted = np.column_stack([after.start, np.ones(len(after.owner))])
-    np.testing.assert_allclose((after.motion[after.owner] @ lifted[:, :, None])[:, :, 0], after.now, atol=1e-12)
+    np.testing.assert_allclose((after.motion[after.owner] @ after.lifted()[:, :, None])[:, :, 0], after.now, atol=1e-12)
+    again = after.recentered()
+    np.testing.assert_allclose((again.motion[again.owner] @ again.lifted()[:, :, None])[:, :, 0], after.now, atol=1e-12)
     np.testing.assert_array_equal(after.start, cells.start)
 
 

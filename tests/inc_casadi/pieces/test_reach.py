@@ -43,7 +43,7 @@ def test_every_sample_is_moved_by_the_map_of_its_own_piece():
         names = np.unique(cells.facets[cells.owner == i])
         planes, sign = cells.planes[names // 2], np.where(names % 2 == 0, 1, -1)[:, None]
         inside = np.all(sign * (planes[:, :-1] @ points - planes[:, -1:]) <= 1e-9, axis=0)
-        image = cells.motion[i, :, :-1] @ points[:, inside] + cells.motion[i, :, -1:]
+        image = cells.motion[i, :, :-1] @ (points[:, inside] - cells.center[i][:, None]) + cells.motion[i, :, -1:]
         np.testing.assert_allclose(image, x[:, inside, 3], atol=1e-7)
         found += inside
     assert np.all(found >= 1)
