@@ -11,7 +11,7 @@ README = Path(__file__).parents[1] / "README.md"
 def test_the_readme_code_runs_and_gives_the_figures_it_states(tmp_path, monkeypatch, capsys):
     text = README.read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    assert len(blocks) == 2 and len(blocks[0].strip().splitlines()) <= 14
+    assert len(blocks) == 3 and len(blocks[0].strip().splitlines()) <= 14
     monkeypatch.chdir(tmp_path)
     names: dict = {}
     exec(compile(blocks[0], "README.md", "exec"), names)
@@ -41,3 +41,15 @@ def test_the_second_block_proves_what_is_printed(capsys):
     bounds = [float(figure) for figure in re.findall(r"bound ([0-9.]+)", cost)]
     assert bounds == pytest.approx([124.7, 53.1, 12.94, 12.28], rel=1e-3)
     assert "124.7 (sector) to 53.1 (slope), 12.94 (relu)\nand 12.28 (lifted)" in text
+
+
+def test_the_third_block_certifies_and_refutes_what_it_says(capsys):
+    text = README.read_text(encoding="utf-8")
+    block = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)[2]
+    names: dict = {}
+    exec(compile(block, "README.md", "exec"), names)
+    printed = capsys.readouterr().out
+    assert printed.count("succeeded=True") == 2 and "the next state lies in the region again" in printed
+    found = names["found"]
+    assert 2.338 <= found.factor < found.refuted <= 2.342 and "2.338 (a motion that fails is shown at 2.342)" in text
+    assert "12.06" in text and "\n12.05" in printed
