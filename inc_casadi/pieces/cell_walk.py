@@ -21,6 +21,7 @@ from .trails import Trails
 from .walk import DIVERGED, Budget
 
 CONSERVED = 1e-9
+BATCH = 10_000  # cells whose simplices are held at once
 ARRIVED = 1 - 2.0**-30  # a cell counts as arrived with this much room, so that rounding cannot turn it away again
 MOST_DIMENSIONS = 8  # up to which cells are cut into simplices: a cube has n! of them
 
@@ -52,25 +53,41 @@ class CellWalk:
         """Whether every starting point was followed into the terminal set."""
         return self.ended == ""
 
-    @property
+    @cached_property
     def followed(self) -> float:
         """The probability of the starting points that arrived; 0 when it is not known."""
         if self.complete or self.arrived.start.shape[1] > MOST_DIMENSIONS:
             return float(self.complete)
-        return float(self.done.weight.sum())
+        return self._mean(self.arrived)[0]
 
-    @property
+    @cached_property
     def expected(self) -> float:
         """The expected cost over the starting points that arrived; NaN in more than 8 dimensions.
 
         The integral is exact on each simplex of a triangulation. That nothing was lost in cutting shows in the volumes,
         which is asserted.
         """
-        if self.arrived.start.shape[1] > MOST_DIMENSIONS:
-            return float("nan")
-        lost = abs(float(self.done.weight.sum()) - 1.0) if self.complete else 0.0
-        assert lost < CONSERVED, f"cutting lost or doubled the probability {lost:.3g}"
-        return float(self.done.expected_cost())
+        share, cost = self._mean(self.arrived)
+        assert not self.complete or not abs(share - 1) >= CONSERVED, f"the pieces hold the probability {share:.12g}"
+        return cost
+
+    @cached_property
+    def at_least(self) -> float:
+        """A lower bound on the expected cost over all starting points, also when some are still under way.
+
+        Those have paid the cost so far, and no stage cost is negative. NaN in more than 8 dimensions.
+        """
+        return self._mean(self.arrived)[1] + self._mean(self.alive)[1]
+
+    def _mean(self, cells: Cells) -> tuple[float, float]:
+        """The probability of starting in some cells, and the integral of their cost forms over it."""
+        if cells.start.shape[1] > MOST_DIMENSIONS:
+            return float("nan"), float("nan")
+        share, cost = 0.0, 0.0
+        for begin in range(0, len(cells), BATCH):
+            part, _ = self._triangulated(cells.take(np.arange(begin, min(begin + BATCH, len(cells)))))
+            share, cost = share + float(part.weight.sum()), cost + float(part.expected_cost())
+        return share, cost
 
     @property
     def worst(self) -> tuple[float, Array]:

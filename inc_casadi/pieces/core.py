@@ -63,14 +63,15 @@ def _shape(loop: PiecewiseLoop, region: Box | Polytope, inputs: Box | Polytope |
     """Half-spaces H e <= h around the sampled points that converge; none when these are too few."""
     n = len(terminal.x)
     points = region.sample(MOTIONS, rng)
-    good = points[:, _converges(loop, points, inputs, terminal)] - terminal.x[:, None]
+    good = points[:, converges(loop, points, inputs, terminal)] - terminal.x[:, None]
     if good.shape[1] < 10 * n:
         return np.zeros((0, n)), np.zeros(0)
     H = _directions(n, good, rng)
     return H, np.maximum((H @ good).max(axis=1), 1e-3 * np.abs(H @ good).max(axis=1))
 
 
-def _converges(loop: PiecewiseLoop, x: Array, inputs: Box | Polytope | None, terminal: TerminalSet) -> np.ndarray:
+def converges(loop: PiecewiseLoop, x: Array, inputs: Box | Polytope | None, terminal: TerminalSet) -> np.ndarray:
+    """Which simulated motions from x (n, N) keep the input limits and end in the terminal set: no proof of anything."""
     plant, inc = loop.plant, loop.inc
     limit, kept = 1e3 * float(np.max(np.abs(x))), np.ones(x.shape[1], dtype=bool)
     for _ in range(STEPS):

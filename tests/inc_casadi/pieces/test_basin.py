@@ -36,6 +36,8 @@ def test_certified_points_converge_and_few_that_converge_are_missed():
     assert not np.any(inside & ~good)
     assert inside.sum() > 0.85 * good.sum()
     assert basin.share == pytest.approx(inside.mean(), abs=0.025)
+    assert basin.simulated == pytest.approx(good.mean(), abs=0.025)
+    assert basin.fraction == pytest.approx(inside.sum() / good.sum(), abs=0.03)
     corners = np.concatenate(basin.polytopes())
     middles = np.array([polygon.mean(axis=0) for polygon in basin.polytopes()])
     inner = 0.999 * corners + 0.001 * np.repeat(middles, [len(polygon) for polygon in basin.polytopes()], axis=0)

@@ -90,6 +90,8 @@ def test_a_spent_budget_is_said_and_what_was_found_is_kept(budget, why):
     found, _ = both(plant, inc, claim, budget)
     assert not found.complete and why in found.ended
     assert found.followed + float(found.left.weight.sum()) == pytest.approx(1.0, abs=1e-9)
+    whole, _ = both(plant, inc, claim)
+    assert 0 <= found.at_least < whole.expected and whole.at_least == whole.expected
 
 
 def test_a_linear_law_in_many_dimensions_has_a_worst_cost_without_simplices():
