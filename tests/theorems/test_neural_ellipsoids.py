@@ -74,6 +74,7 @@ def certified_and_sampled(plant, inc):
     return found
 
 
+@pytest.mark.slow
 def test_the_vehicle_s_ellipsoid_is_at_least_ten_times_the_published_one():
     plant, inc = published_loop("yin_vehicle_lateral")
     P = published_method(plant, inc, 0.6)
@@ -96,7 +97,7 @@ def test_the_pendulum_s_linear_part_has_four_times_the_recomputed_area():
     assert 0.9 * edge < found.ellipsoid.support(w) < edge
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [1, pytest.param(0, marks=pytest.mark.slow)])
 def test_small_nets_beat_the_published_method_too(seed):
     plant, inc = two_layers(np.random.default_rng(seed), limit=1.0)
     best = max(_volume(plant, inc, delta) for delta in (0.05, 0.1, 0.2, 0.3))

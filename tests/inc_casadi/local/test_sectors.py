@@ -37,7 +37,7 @@ def energies(found, rng, N=200, steps=150):
 @pytest.mark.parametrize("draw", [
     dict(), dict(bias=0.3, feedback=0.3), dict(units=MIXED, n=3, m=2, bias=0.1, feedback=0.3),
     dict(units=MIXED, limit=2.0, bias=0.1)], ids=["tanh", "tanh, biased, implicit", "mixed", "saturated"])
-@pytest.mark.parametrize("seed", [0, 3])
+@pytest.mark.parametrize("seed", [0, pytest.param(3, marks=pytest.mark.slow)])
 def test_motions_from_the_rim_descend_and_arrive(draw, seed):
     rng = np.random.default_rng(seed)
     found = certified(*neural(rng, **draw))
@@ -92,7 +92,7 @@ def test_limits_and_rate_are_kept():
     assert found.volume < free.volume and falls(np.maximum(V, 1e-12), 0.98**2 + 1e-9) or np.max(V[:, -1]) < 1e-9
 
 
-@pytest.mark.parametrize("seed", [1, 4])
+@pytest.mark.parametrize("seed", [1, pytest.param(4, marks=pytest.mark.slow)])
 def test_the_cost_bound_is_never_exceeded(seed):
     rng = np.random.default_rng(seed)
     plant, inc = neural(rng, MIXED, bias=0.2, limit=2.0)
