@@ -21,6 +21,7 @@ from .trails import Trails
 from .walk import DIVERGED, Budget
 
 CONSERVED = 1e-9
+SPREAD = 1e13  # by how much neighbouring motions may have parted: beyond, rounding of their start is all that is seen
 BATCH = 10_000  # cells whose simplices are held at once
 ARRIVED = 1 - 2.0**-30  # a cell counts as arrived with this much room, so that rounding cannot turn it away again
 MOST_DIMENSIONS = 8  # up to which cells are cut into simplices: a cube has n! of them
@@ -203,4 +204,6 @@ def _exhausted(alive: Cells, step: int, budget: Budget, deadline: Deadline, reac
         return f"{len(alive)} pieces still under way after {step} steps"
     if float(np.max(np.abs(alive.now))) > reach:
         return f"a motion grew to {DIVERGED:g} times the size of the initial set"
+    if float(np.max(np.abs(alive.motion[:, :, :-1]))) > SPREAD:
+        return "starting points that floats can hardly tell apart part ways"
     return deadline.passed(len(alive))

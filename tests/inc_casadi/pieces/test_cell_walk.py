@@ -94,6 +94,15 @@ def test_a_spent_budget_is_said_and_what_was_found_is_kept(budget, why):
     assert 0 <= found.at_least < whole.expected and whole.at_least == whole.expected
 
 
+def test_at_the_edge_of_what_can_be_steered_the_walk_ends_with_a_reason():
+    """x+ = 1.5 x - sat(1.5 x) from [-2, 2]: the ends stay where they are, and their neighbours part ways for ever."""
+    plant, inc = Plant([[1.5]], [[1.0]]), INC.saturated([[-1.5]], 1.0)
+    claim = Regional(Box([-2.0], [2.0]), Box([-1.0], [1.0]), [[1.0]], [[0.0]], 0.9)
+    loop = PiecewiseLoop(plant, inc)
+    found = cell_walk(loop, claim, find(loop, claim)[0])
+    assert not found.complete and "tell apart" in found.ended and found.followed > 1 - 1e-9
+
+
 def test_a_linear_law_in_many_dimensions_has_a_worst_cost_without_simplices():
     n = 10
     plant, inc = Plant(0.5 * np.eye(n), np.ones((n, 1))), INC.linear(-0.01 * np.ones((1, n)))

@@ -29,7 +29,7 @@ def test_volumes_are_those_of_sampled_patterns(seed):
     x = REGION.sample(20_000, np.random.default_rng(seed))
     patterns = source_of(inc, plant.C).patterns_at(x.T)
     hits = np.array([np.all(patterns == pattern, axis=1).mean() for pattern in found.patterns])
-    assert hits.sum() == 1.0 and len(found) > 6
+    assert hits.sum() == pytest.approx(1.0) and len(found) > 6
     shares = found.volumes / REGION.volume
     assert np.all(np.abs(hits - shares) < 5 * np.sqrt(shares / 20_000) + 1e-4)
 
