@@ -1,4 +1,4 @@
-"""`python -m benchmarks paper | speed [certify] | main`: print a table; status 1 when a figure or target is missed."""
+"""`python -m benchmarks paper | speed [certify | pieces] | main`: print a table; status 1 where a target is missed."""
 
 from __future__ import annotations
 
@@ -11,12 +11,13 @@ from . import paper, speed
 def main(arguments: list[str] | None = None) -> int:
     """Print the table that is asked for and return the exit status.
 
-    paper: the paper's figures beside computed ones; speed: all measurements but the search for certificates, which
-    `speed certify` measures against CVXPY with Clarabel in some minutes; main: the main job alone.
+    paper: the paper's figures beside computed ones; speed: all measurements but two. `speed certify` measures the search for
+    certificates against CVXPY with Clarabel in some minutes, `speed pieces` exact walks against n, m and q in one. main: the
+    main job alone.
     """
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
     parser.add_argument("what", choices=("paper", "speed", "main"))
-    parser.add_argument("part", nargs="?", choices=("certify",), help="of speed: one measurement alone")
+    parser.add_argument("part", nargs="?", choices=("certify", "pieces"), help="of speed: one measurement alone")
     options = parser.parse_args(arguments)
     what = options.what
     if options.part and what != "speed":
@@ -27,6 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
         measured = speed.certification_targets(rows)
         print(speed.table(measured))
         return int(any(one.verdict == "MISS" for one in measured))
+    if options.part == "pieces":
+        print(speed.pieces_table(speed.pieces()))
+        return 0
     if what == "paper":
         figures = paper.all_rows()
         print(paper.report(figures))

@@ -6,6 +6,7 @@ from .exact_cost import exact_cost
 from .imports import imports
 from .main_job import main_job
 from .measurement import Measurement, table
+from .pieces import pieces, pieces_table
 
 __all__ = ["Measurement", "certification", "certification_table", "certification_targets",
-           "evaluation", "exact_cost", "imports", "main_job", "table"]
+           "evaluation", "exact_cost", "imports", "main_job", "pieces", "pieces_table", "table"]

@@ -206,7 +206,7 @@ def tally(seeds):
 
 
 def test_what_holds_is_true_on_trajectories_and_what_diverges_is_never_certified():
-    counts = tally(range(36))
+    counts = tally(range(60))
     assert counts["growing"] >= 5, counts
     for key in (
         "sector",
