@@ -17,11 +17,15 @@ from .figures import at_most
 from .inc import INC
 from .loop import close_loop
 from .output_range import within_limits
+from .pieces import conewise_search, conewise_tail
 from .pieces.cell_walk import CellWalk, cell_walk
+from .pieces.conewise import NO_KINK, ConewiseLaw, conewise_law
+from .pieces.conewise_tail import ConewiseProof
 from .pieces.laws import PiecewiseLoop
 from .pieces.terminal import TerminalSet, find, in_fractions, refusal, with_ellipsoid
 from .pieces.walk import Budget
 from .plant import Plant, as_plant
+from .regional_level import sharpened
 from .regional_proof import Stated, settle_region, unfinished
 from .well_posed import is_proved
 
@@ -34,7 +38,9 @@ class RegionalCertificate(Certificate):
     """A regional claim proved by following simplices until all of them lie in an ellipsoid around the equilibrium.
 
     plant, inc, claim: what it speaks about; P (n, n) and level: the ellipsoid {e'P e <= level} around the
-    equilibrium, or None when none was found; budget: what a walk may use; note: how it was found, or why it was not.
+    equilibrium, or None when none was found; budget: what a walk may use; note: how it was found, or why it was not;
+    conewise: where the equilibrium lies on kinks, the matrix certificates that say what happens within the ellipsoid, of
+    which P is the matrix. The costs are then upper bounds, too large by `gap` at most, and exact otherwise.
 
     The walk itself is not stored: it is done again from these numbers, in floats for `holds`, and with every rounding
     bounded for `prove`.
@@ -47,6 +53,7 @@ class RegionalCertificate(Certificate):
     level: float
     budget: Budget = Budget()
     note: str = ""
+    conewise: ConewiseProof | None = None
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "plant", as_plant(self.plant))
@@ -68,15 +75,28 @@ class RegionalCertificate(Certificate):
 
     @property
     def expected(self) -> float:
-        """The expected discounted cost up to rounding; NaN when the walk did not end, or in more than 8 dimensions."""
+        """The expected discounted cost up to rounding and `gap`; NaN when the walk did not end, or for n > 8."""
         return self.walk.expected if self.walk and self.walk.complete else np.nan
 
     @property
     def worst(self) -> tuple[float, Array]:
-        """The largest discounted cost over the initial set, and a starting point that attains it; NaN when unknown."""
+        """The largest discounted cost over the initial set, up to `gap`, and where it is attained; NaN when unknown."""
         if self.walk is None or not self.walk.complete:
             return np.nan, np.full(self.plant.n, np.nan)
         return self.walk.worst
+
+    @property
+    def gap(self) -> float:
+        """By how much the costs from any starting point, `expected` and `worst` exceed the true ones at most.
+
+        0, up to rounding, where the law is affine around the equilibrium; infinite when the walk did not end.
+        """
+        if self.walk is None or not self.walk.complete:
+            return np.inf
+        terminal = self._setting[1]
+        assert terminal is not None
+        arrived = self.walk.arrived
+        return terminal.overestimate(arrived.now, self.claim.discount**self.walk.steps_taken[arrived.owner])
 
     @property
     def worst_bound(self) -> float:
@@ -94,7 +114,7 @@ class RegionalCertificate(Certificate):
 
         "well-posed": 1 - contraction rate, or the monotonicity under a multiplier T; "followed": probability of the
         starting points that were followed into the terminal set, less what one such point must be, so 0 when all were;
-        "inputs": the smallest h - H u.
+        "inputs": the smallest h - H u before a motion arrives in the terminal set, which keeps within the limits.
         """
         margins = {"well-posed": self.inc.well_posedness().margin}
         if self.walk is None:
@@ -111,12 +131,23 @@ class RegionalCertificate(Certificate):
         if trouble:
             return trouble
         loop, terminal = self._setting
-        if terminal is None:
-            return self.note or "no terminal set is stored"
-        unsound = refusal(loop, self.claim, terminal)
+        unsound = self._unsound(loop, terminal, prove=False)
         if unsound or self.walk is None:
             return unsound or "the motions were not followed"
         return self._walk_trouble(self.walk)
+
+    def _unsound(self, loop: PiecewiseLoop, terminal: TerminalSet | None, prove: bool) -> str:
+        """What is wrong with the terminal set."""
+        if self.conewise is None:
+            if terminal is None:
+                return self.note or "no terminal set is stored"
+            return refusal(loop, self.claim, terminal) or ""
+        if isinstance(self._local, str):
+            return self._local
+        assert self._local is not None
+        if self.P is None or not np.array_equal(self.P, self.conewise.P):
+            return "the terminal ellipsoid is not the one that the settling certificate speaks of"
+        return conewise_tail.refusal(loop, self.claim, self._local, self.conewise, self.level, self._built_in, prove) or ""
 
     @property
     def sentence(self) -> str:
@@ -145,8 +176,11 @@ class RegionalCertificate(Certificate):
         start = time.perf_counter()
         trouble, method = self.reason or self._exact_setting(), "exact fractions"
         if not trouble and self.walk is not None:
+            assert self._exact[1] is not None
             stated = Stated(self.claim, self._exact[1], self.bound, self.worst_bound, self._built_in)
             trouble, method = settle_region(self._setting[0], stated, self.walk, self.budget)
+        if self.conewise is not None:
+            method += ", after matrix certificates of the conewise linear loop around the equilibrium"
         return Proof(not trouble, method, time.perf_counter() - start, trouble)
 
     @cached_property
@@ -157,7 +191,18 @@ class RegionalCertificate(Certificate):
     @cached_property
     def _setting(self) -> tuple[PiecewiseLoop, TerminalSet | None]:
         loop = PiecewiseLoop(self.plant, self._law)
+        if self.conewise is not None:
+            return loop, self._conewise_set(loop)
         return loop, None if self.P is None else with_ellipsoid(loop, self.claim, self.P, self.level)
+
+    @cached_property
+    def _local(self) -> ConewiseLaw | str | None:
+        return None if self.conewise is None else conewise_law(self.plant, self._law)
+
+    def _conewise_set(self, loop: PiecewiseLoop) -> TerminalSet | None:
+        if self.conewise is None or not isinstance(self._local, ConewiseLaw):
+            return None
+        return conewise_tail.terminal_set(loop, self.claim, self._local, self.conewise, self.level)
 
     def _structure(self) -> str:
         for i, unit in enumerate(self._law.activations):
@@ -171,10 +216,11 @@ class RegionalCertificate(Certificate):
         return ""
 
     @cached_property
-    def _exact(self) -> tuple[PiecewiseLoop, TerminalSet]:
+    def _exact(self) -> tuple[PiecewiseLoop, TerminalSet | None]:
         loop, found = PiecewiseLoop(self.plant, self._law, "exact"), self._setting[1]
-        assert found is not None
-        return loop, in_fractions(loop, self.claim, found)
+        if self.conewise is not None:
+            return loop, self._conewise_set(loop)
+        return loop, None if found is None else in_fractions(loop, self.claim, found)
 
     def _exact_setting(self) -> str:
         """What is wrong, in exact arithmetic, with what a walk starts from."""
@@ -182,10 +228,10 @@ class RegionalCertificate(Certificate):
         for law in (self.inc, self._law):
             if not is_proved(law.well_posedness(), law.W, slopes(law.activations)):
                 return f"the controller is not proved well posed: {law.well_posedness().test}"
-        if self._setting[1] is None:
-            return self.note or "no terminal set is stored"
-        loop, terminal = self._exact
-        return refusal(loop, self.claim, terminal) or ""
+        for i, unit in enumerate(self._law.activations):
+            if unit.pieces is not None and not unit.pieces.joined:
+                return f"the pieces of hidden unit {i}, {unit}, do not meet exactly at a kink in rational arithmetic"
+        return self._unsound(*self._exact, prove=True)
 
     @cached_property
     def _built_in(self) -> bool:
@@ -213,7 +259,13 @@ def certify_region(plant: Plant, inc: INC, claim: Regional, budget: Budget | Non
     trouble = bare._structure()
     if trouble:
         return RegionalCertificate(plant, inc, claim, None, 0.0, budget, trouble)
-    terminal, why = find(PiecewiseLoop(bare.plant, bare._law), claim)
-    if terminal is None:
-        return RegionalCertificate(plant, inc, claim, None, 0.0, budget, why)
-    return RegionalCertificate(plant, inc, claim, terminal.P, float(terminal.level), budget)  # type: ignore[arg-type]
+    loop = PiecewiseLoop(bare.plant, bare._law)
+    terminal, why = find(loop, claim)
+    if terminal is not None:
+        return RegionalCertificate(plant, inc, claim, terminal.P, float(terminal.level), budget)  # type: ignore[arg-type]
+    found = conewise_search.find(loop, claim, bare._built_in)
+    if isinstance(found, str):
+        note = why if found == NO_KINK else f"{why}; {found}"
+        return RegionalCertificate(plant, inc, claim, None, 0.0, budget, note)
+    proof, level = found
+    return sharpened(RegionalCertificate(plant, inc, claim, proof.P, level, budget, conewise=proof))

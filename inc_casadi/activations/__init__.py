@@ -8,7 +8,9 @@ from .logistic import Logistic
 from .relu import ReLU
 from .saturation import Saturation
 from .tanh import Tanh
+from .two_slopes import TwoSlopes
 
 __all__ = [
     "Activation", "CenteredLogistic", "Identity", "LeakyReLU", "Logistic", "Pieces", "ReLU", "Saturation", "Tanh",
+    "TwoSlopes",
 ]

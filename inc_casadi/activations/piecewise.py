@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -33,6 +34,17 @@ class Pieces:
     def index(self, z: ArrayLike) -> np.ndarray:
         """Return the piece of each z; a z on a kink belongs to the piece on its right."""
         return np.searchsorted(self.kinks, z, side="right")
+
+    @property
+    def joined(self) -> bool:
+        """Whether neighbouring pieces meet exactly at their kink, in rational arithmetic: what rigorous proofs rest on.
+
+        >>> Pieces(np.array([0.7]), np.array([0.3, 0.0]), np.array([0.0, 0.3 * 0.7])).joined
+        False
+        """
+        line = [(Fraction(float(s)), Fraction(float(c))) for s, c in zip(self.slopes, self.intercepts, strict=True)]
+        kinks = [Fraction(float(kink)) for kink in self.kinks]
+        return all(line[j][0] * kink + line[j][1] == line[j + 1][0] * kink + line[j + 1][1] for j, kink in enumerate(kinks))
 
 
 def as_interval(low: ArrayLike, high: ArrayLike) -> tuple[Array, Array]:

@@ -20,7 +20,7 @@ from typing import Any
 
 import numpy as np
 
-from ..activations import CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh
+from ..activations import CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh, TwoSlopes
 from ..certificate import MatrixCertificate
 from ..claims import (
     Attraction,
@@ -40,6 +40,7 @@ from ..errors import FormatError, INCError
 from ..inc import INC
 from ..invariance_certificate import InvarianceCertificate
 from ..multipliers import Lifted, Relu, Sector, Slope
+from ..pieces.conewise_tail import ConewiseProof
 from ..pieces.walk import Budget
 from ..plant import Plant
 from ..regional_certificate import RegionalCertificate
@@ -54,9 +55,12 @@ KINDS: tuple[type, ...] = (
     Plant, INC, Spec, Box, Polytope, Ellipsoid, Uniform, Gaussian, Empirical, Stability, DiscountedCost, DeviationCost,
     L2Gain, Margins, Robust, Polytopic, Together, Regional, Attraction, Invariance, InputSector, NormBounded, Sector, Slope,
     Relu, Lifted, MatrixCertificate, RegionalCertificate, EllipsoidCertificate, InvarianceCertificate, Budget,
-    CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh,
+    CenteredLogistic, Identity, LeakyReLU, Logistic, ReLU, Saturation, Tanh, TwoSlopes, ConewiseProof,
 )
 """The dataclasses that a file may hold, each written field by field under its class's name; add a class to save it."""
+
+ADDED: dict[type, set[str]] = {RegionalCertificate: {"conewise"}}
+"""Fields that files of this version were once written without: where they are missing, they have their default."""
 
 
 def save(noun: Any, path: str | Path) -> None:
@@ -166,6 +170,7 @@ def _noun(kind: Any, data: dict[str, Any], where: str) -> Any:
     if not found:
         raise FormatError(f"{where} holds a {kind!r}, which this version does not know")
     wanted = {field.name for field in fields(found[0]) if field.init}
+    wanted -= ADDED.get(found[0], set()) - set(data)
     if wanted != set(data):
         missing, extra = sorted(wanted - set(data)), sorted(set(data) - wanted)
         raise FormatError(f"{where}: {kind} lacks {missing} and has {extra} that it should not")

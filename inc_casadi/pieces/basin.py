@@ -15,9 +15,12 @@ from ..claims.regional import Regional
 from ..errors import InvalidInputError
 from ..inc import INC
 from ..loop import close_loop
+from ..output_range import within_limits
 from ..plant import as_plant
 from ..sets import Box, Polytope
+from . import conewise_search, conewise_tail
 from .cells import Cells, volumes, whole
+from .conewise import conewise_law
 from .core import converges, grow
 from .follow import Goal, follow
 from .laws import PiecewiseLoop
@@ -84,9 +87,11 @@ class Basin:
 
     def sentence(self) -> str:
         """Say what is certified."""
+        rest = np.round(self.equilibrium, 6).tolist()
         return (f"From {100 * self.share:.4g} % of the region, {len(self.cells)} polytopes, every motion converges to x* = "
-                f"{np.round(self.equilibrium, 6).tolist()} within the input limits (in floating point); of {SAMPLES} simulated "
-                f"motions {100 * self.simulated:.4g} % do.")
+                f"{rest} within the input limits (in floating point); of {SAMPLES} simulated motions "
+                f"{100 * self.simulated:.4g} % do.")
+
 
 
 def region_of_attraction(plant: Any, inc: INC, region: Box | Polytope, inputs: Box | Polytope | None = None, *,
@@ -100,8 +105,8 @@ def region_of_attraction(plant: Any, inc: INC, region: Box | Polytope, inputs: B
     part grows to the true region of attraction.
 
     budget: half its seconds go to each part; smallest: a cell is given up when it has less than this share of the region's
-    volume; seed: of the sampled motions that the core's shape and `simulated` are taken from; progress: called with (step, polytopes under
-    way, certified share of the region's volume).
+    volume; seed: of the sampled motions that the core's shape and `simulated` are taken from; progress: called with (step,
+    polytopes under way, certified share of the region's volume).
 
     Raises InvalidInputError when exact pieces do not apply or there is no terminal set, DimensionError, NotWellPosedError.
 
@@ -121,7 +126,8 @@ def region_of_attraction(plant: Any, inc: INC, region: Box | Polytope, inputs: B
     certified = float(volumes(found.done).sum())
     points = region.sample(SAMPLES, np.random.default_rng(seed))
     simulated = float(converges(loop, points, inputs, terminal).mean())
-    return Basin(found.done, region, goal, certified / region.volume, simulated, found.steps, found.ended, time.monotonic() - start)
+    return Basin(found.done, region, goal, certified / region.volume, simulated, found.steps, found.ended,
+                 time.monotonic() - start)
 
 
 def _prepared(plant: Any, inc: INC, region: Box | Polytope,
@@ -134,5 +140,16 @@ def _prepared(plant: Any, inc: INC, region: Box | Polytope,
     loop = PiecewiseLoop(plant, inc.without_idle_units())
     terminal, why = find(loop, claim)
     if terminal is None:
+        terminal = _on_kinks(loop, claim)
+    if terminal is None:
         raise InvalidInputError(f"no region of attraction can be certified: {why}")
     return loop, terminal
+
+
+def _on_kinks(loop: PiecewiseLoop, claim: Regional) -> TerminalSet | None:
+    """The terminal set of a loop whose equilibrium rests on kinks, or None."""
+    built_in = claim.inputs is None or within_limits(loop.inc, claim.inputs)
+    found, local = conewise_search.find(loop, claim, built_in), conewise_law(loop.plant, loop.inc)
+    if isinstance(found, str) or isinstance(local, str):
+        return None
+    return conewise_tail.terminal_set(loop, claim, local, *found)

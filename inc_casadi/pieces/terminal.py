@@ -23,12 +23,16 @@ CONSTANT_SLACK = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class TerminalSet:
-    """The ellipsoid E = {x: e'P e <= level}, e = x - x*, on which the controller is one affine law and E is invariant.
+    """The ellipsoid E = {x: e'P e <= level}, e = x - x*, from which every motion converges to x*, and the cost from there.
 
-    pattern (q,): the law's pattern; x (n,): its equilibrium x*; tail (n+1, n+1): the discounted cost from x in E is
-    at most (e, 1)' tail (e, 1), and equal to it up to rounding when `slack` is 0.
+    pattern (q,): the pattern at x*; x (n,): the equilibrium x*; tail (n+1, n+1): the discounted cost from x in E is at
+    most (e, 1)' tail (e, 1).
 
-    It is sound when `refusal` finds nothing: (1) P > 0 and P - A*'P A* > 0, so E is invariant and every motion in it
+    Where x* is on no kink, the controller is one affine law on E, E is invariant, the tail is the cost up to rounding when
+    `slack` is 0, and `excess` is None. Where it is on kinks (`conewise_tail`), the tail is an upper bound, too large by
+    (e, 1)' excess (e, 1) at most.
+
+    The former is sound when `refusal` finds nothing: (1) P > 0 and P - A*'P A* > 0, so E is invariant and every motion in it
     converges to x*; (2) each bound on z or u is at distance d > 0 from its value at x* and d^2 >= level w'P^{-1} w for
     its gradient w, so that no bound is crossed in E; (3) tail - M - discount A_h' tail A_h >= 0 with A_h = diag(A*, 1)
     and M the stage cost in (e, 1), so that summing along a motion gives the cost bound (thm:performance with no
@@ -40,11 +44,19 @@ class TerminalSet:
     P: Array
     level: Any
     tail: Array
+    excess: Array | None = None
 
     def contains(self, points: Array) -> np.ndarray:
         """Which of the points (..., n) lie in the ellipsoid."""
         e = points - self.x
         return ((e @ self.P) * e).sum(axis=-1) <= self.level
+
+    def overestimate(self, points: Array, scale: Array) -> float:
+        """Return the largest scale (e, 1)' excess (e, 1) over points (N, n) in E, scale (N,); 0 without `excess`."""
+        if self.excess is None:
+            return 0.0
+        lifted = np.concatenate([points - self.x, np.ones((len(points), 1))], axis=1)
+        return float(np.max(scale * ((lifted @ self.excess) * lifted).sum(axis=1), initial=0.0))
 
     def tail_form(self, vertices: Array) -> Array:
         """Return the tail cost as a form (N, k, k) in the barycentric coordinates of vertices (N, k, n)."""

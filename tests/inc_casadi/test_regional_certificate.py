@@ -11,6 +11,7 @@ import pytest
 from inc_casadi import INC, Box, Plant, Polytope, ReLU, Saturation, Tanh
 from inc_casadi.claims.regional import Regional
 from inc_casadi.errors import DimensionError, InvalidInputError, NotCertifiedError
+from inc_casadi.pieces.cell_enclosure import CellEnclosure
 from inc_casadi.pieces.enclosure import Enclosure
 from inc_casadi.pieces.fixed import ONE, Fixed
 from inc_casadi.pieces.laws import PiecewiseLoop
@@ -234,6 +235,8 @@ def test_every_part_of_a_rigorous_proof_can_refuse(monkeypatch):
         patch.setattr("inc_casadi.pieces.cell_proof.trouble", lambda *_: "a vertex is missing")
         assert saturated().prove().method == module.PLACES_OF_SIMPLICES
     with monkeypatch.context() as patch:
+        patch.setattr(CellEnclosure, "arrives", lambda *_: False)
+        assert saturated().prove().method == module.PLACES_OF_SIMPLICES
         patch.setattr(Enclosure, "arrives", lambda *_: False)
         assert saturated().prove().method == module.FRACTIONS
         patch.setattr(module, "EXACT_PIECES", 0)
@@ -242,7 +245,7 @@ def test_every_part_of_a_rigorous_proof_can_refuse(monkeypatch):
         patch.setattr(module, "EXACT_PIECES", 0)
         large = Enclosure(np.zeros((9, 2)), np.zeros((9, 1)), 1e-6, 0.0)
         patch.setattr(module, "enclose", lambda *_: large)
-        patch.setattr("inc_casadi.pieces.cell_proof.enclose", lambda *_, **__: large)
+        patch.setattr("inc_casadi.pieces.cell_proof.enclose_cells", lambda *_: (large, (), True))
         assert "expected cost exceeds the bound" in saturated().prove().reason
     certificate = saturated()
     stated = module.Stated(certificate.claim, certificate._exact[1], certificate.bound, certificate.worst_bound, True)
@@ -290,7 +293,8 @@ def test_a_model_predictive_law_is_proved_though_perron_frobenius_rejects_it():
 
 def test_its_proof_in_fractions_agrees(monkeypatch):
     certificate = certify_region(posed.PLANT, posed.mpc_law(horizon=3), mpc_claim()).require()
-    monkeypatch.setattr(Enclosure, "arrives", lambda *_: False)
+    for kind in (Enclosure, CellEnclosure):
+        monkeypatch.setattr(kind, "arrives", lambda *_: False)
     proof = certificate.prove()
     assert proof.succeeded and proof.method == "exact fractions over all pieces"
 
@@ -311,3 +315,81 @@ def test_the_law_without_idle_units_must_be_proved_too(monkeypatch):
     verdicts = iter([True, False])
     monkeypatch.setattr(module, "is_proved", lambda *_: next(verdicts))
     assert "not proved well posed" in certificate.prove().reason
+
+
+def by_polytopes(monkeypatch, certificate, built_in=True, **changes):
+    """What the first proof says when following the polytopes came to a changed result, and the terminal set it was given."""
+    import inc_casadi.regional_proof as module
+    seen = []
+
+    def settle(walk, loop, claim, terminal, deadline):
+        seen.append(terminal)
+        return replace(original(walk, loop, claim, terminal, deadline), **changes)
+
+    original = module.settle
+    stated = module.Stated(certificate.claim, certificate._exact[1], certificate.bound, certificate.worst_bound, built_in)
+    with monkeypatch.context() as patch:
+        patch.setattr(module, "settle", settle)
+        loop = PiecewiseLoop(PLANT, certificate.inc, "fixed")
+        return module._by_polytopes(loop, stated, certificate.walk), seen[0]
+
+
+def test_whatever_following_the_polytopes_leaves_open_is_refused(monkeypatch):
+    certificate = saturated()
+    said, terminal = by_polytopes(monkeypatch, certificate)
+    exactly = certificate._exact[1].level
+    assert said == "" and terminal.level.fraction() == pytest.approx(exactly * (1 - Fraction(1, 2**40)), abs=1e-70)
+    assert terminal.level.fraction() < exactly * (1 - Fraction(1, 2**41))
+    assert "does not arrive" in by_polytopes(monkeypatch, certificate, arrived=False)[0]
+    assert "expected cost exceeds" in by_polytopes(monkeypatch, certificate, expected=None)[0]
+    states, inputs = np.zeros((4, 2)), np.zeros((3, 1))
+    expected, worst = Fraction(certificate.bound), Fraction(certificate.worst_bound)
+    for cost, change, what in ((0.0, {"expected": expected, "worst": worst}, ""),
+                               (1e-12, {"expected": expected, "worst": Fraction(0)}, "expected cost exceeds"),
+                               (1e-12, {"expected": Fraction(0), "worst": worst}, "worst cost exceeds"),
+                               (np.inf, {}, "errors grow too large")):
+        said, _ = by_polytopes(monkeypatch, certificate, enclosure=Enclosure(states, inputs, cost, 0.0), **change)
+        assert what in said and bool(said) == bool(what)
+
+
+def test_an_input_at_its_limit_is_only_accepted_where_the_limit_is_built_in(monkeypatch):
+    certificate = saturated()
+    assert by_polytopes(monkeypatch, certificate, built_in=True)[0] == ""
+    assert "too close to a limit" in by_polytopes(monkeypatch, certificate, built_in=False)[0]
+
+
+def test_following_polytopes_is_given_up_when_the_time_is_over(monkeypatch):
+    import inc_casadi.regional_proof as module
+    certificate = saturated()
+    stated = module.Stated(certificate.claim, certificate._exact[1], certificate.bound, certificate.worst_bound, True)
+    loop = PiecewiseLoop(PLANT, certificate.inc, "fixed")
+    assert module._by_polytopes(loop, stated, certificate.walk, 1e-9) == "the time limit of 1e-09 s"
+    assert module._by_polytopes(loop, stated, certificate.walk) == ""
+
+
+def test_room_at_the_limits_is_asked_for_only_where_they_are_not_built_in(monkeypatch):
+    import inc_casadi.regional_proof as module
+    certificate = saturated()
+    stated = module.Stated(certificate.claim, certificate._exact[1], certificate.bound, certificate.worst_bound, True)
+    for built_in, said in ((True, ""), (False, "an input comes too close to a limit that is not built into the controller")):
+        loop = PiecewiseLoop(PLANT, certificate.inc, "fixed")
+        assert module._by_polytopes(loop, replace(stated, built_in=built_in), certificate.walk) == said
+
+
+def test_pieces_that_meet_only_up_to_rounding_prove_nothing():
+    from dataclasses import dataclass
+
+    from inc_casadi.activations.base import Pieces
+
+    @dataclass(frozen=True)
+    class Bent(Saturation):
+        @property
+        def pieces(self):
+            return Pieces(np.array([-1.0, 0.7]), np.array([0.0, 1.0, 0.3]), np.array([-1.0, 0.0, 0.7 - 0.3 * 0.7]))
+
+        def formula(self, z, ops):
+            return ops.fmax(-1.0, z) - 0.7 * ops.fmax(0.0, z - 0.7)
+
+    inc = INC(np.zeros((1, 1)), K, [[1.0]], np.zeros((1, 2)), activation=Bent())
+    certificate = certify_region(PLANT, inc, Regional(Box([-0.1, -0.1], [0.1, 0.1]), None, np.eye(2), [[0.05]], 0.98))
+    assert certificate.holds() and "do not meet exactly" in certificate.prove().reason

@@ -85,3 +85,12 @@ def test_a_box_of_many_dimensions_goes_to_the_inequality():
     spec = Spec(np.eye(10), [[1.0]], 0.9, Box(-np.ones(10), np.ones(10)))
     verdict = gate(plant, spec, INC.linear(-0.01 * np.ones((1, 10))))
     assert verdict.accepted and any("10 dimensions" in why for why in verdict.refusals)
+
+
+def test_a_bias_free_relu_controller_passes_by_pieces_though_it_rests_on_its_kinks():
+    plant = Plant([[1.05, 0.2], [0.0, 0.9]], [[0.0], [1.0]])
+    law = INC([[0.2, -0.1], [0.1, 0.3]], [[1.0, 0.3], [-0.8, 0.5]], [[-0.2, 0.1]], [[-0.7, -0.9]])
+    verdict = gate(plant, Spec(np.eye(2), [[0.1]], 0.95, Box([-1.0, -1.0], [1.0, 1.0])), law)
+    assert verdict.accepted and isinstance(verdict.certificate, RegionalCertificate)
+    assert verdict.certificate.conewise is not None and verdict.certificate.prove()
+    assert any("converges from every initial state" in words for words in verdict.proofs)

@@ -87,3 +87,10 @@ def test_a_small_budget_keeps_what_was_certified():
 def test_without_a_stable_equilibrium_there_is_a_reason():
     with pytest.raises(InvalidInputError, match="does not stabilize"):
         region_of_attraction(PLANT, INC.saturated(np.array([[0.1, 0.1]]), 1.0), Box([-1, -1], [1, 1]))
+
+
+def test_a_rest_on_kinks_has_a_region_too():
+    """u = -1.2 relu(x) + 0.8 relu(-x), so x+ = 0.3 x on the right and 0.7 x on the left of the origin, its kink."""
+    inc = INC(np.zeros((2, 2)), [[1.0], [-1.0]], [[-1.2, 0.8]], [[0.0]], activation=ReLU())
+    basin = region_of_attraction(Plant([[1.5]], [[1.0]]), inc, Box([-3.0], [2.0]))
+    assert basin.share == pytest.approx(1.0, abs=1e-9) and basin.equilibrium == pytest.approx(0.0, abs=1e-12)
