@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 from fractions import Fraction
 
@@ -9,14 +10,16 @@ import numpy as np
 
 from .claims.regional import Regional
 from .errors import ConvergenceError
+from .pieces.cell_enclosure import CellEnclosure
 from .pieces.cell_proof import settle
 from .pieces.cell_walk import CellWalk
+from .pieces.cutting import Deadline
 from .pieces.enclosure import LEVEL_ROOM, Arrival, Enclosure, Step, enclose
 from .pieces.laws import PiecewiseLoop
 from .pieces.terminal import TerminalSet, in_places
 from .pieces.walk import Budget, Walk, walk
 
-MOST_VERTICES, EXACT_PIECES, SECONDS = 100_000, 500, 60.0
+MOST_VERTICES, EXACT_PIECES, SECONDS = 500_000, 500, 60.0
 PLACES_OF_POLYTOPES = "256 binary places for every polytope, with every rounding bounded"
 PLACES_OF_SIMPLICES = "256 binary places for every simplex, with every rounding bounded"
 FRACTIONS = "exact fractions over all pieces"
@@ -41,7 +44,7 @@ class Stated:
             return f"the worst cost exceeds the bound {self.worst:.10g}"
         return ""
 
-    def unsure(self, errors: Enclosure, steps: tuple[Step, ...], terminal: TerminalSet) -> str:
+    def unsure(self, errors: Enclosure | CellEnclosure, steps: tuple[Step, ...], terminal: TerminalSet) -> str:
         """Which verdict the errors of a rounded walk put in doubt, or an empty string."""
         if not errors.arrives(terminal):
             return "rounding errors grow too large for arrival in the terminal set to be certain"
@@ -54,13 +57,13 @@ def settle_region(loop: PiecewiseLoop, stated: Stated, found: CellWalk, budget: 
     """Return what stands in the way of the claim after all means, or an empty string, and the means that decided.
 
     loop: with the plant and the law; found: the complete walk in floats. First its polytopes are worked out anew with 256
-    places (`pieces.cell_proof`), up to 100 000 vertices. Where their errors grow too large, which happens when kinks of
-    several units nearly coincide, simplices are followed instead. Where an input touches a limit that is not built in, up
-    to 500 pieces are followed in Fractions.
+    places (`pieces.cell_proof`), up to 500 000 vertices and for as long as the budget says, at least a minute. Where that
+    is not enough, or their errors grow too large, simplices are followed instead. Where an input touches a limit that is not
+    built in, up to 500 pieces are followed in Fractions.
     """
     patience = replace(budget, seconds=max(budget.seconds, SECONDS))
     places = replace(loop, arithmetic="fixed")
-    trouble = _by_polytopes(places, stated, found)
+    trouble = _by_polytopes(places, stated, found, patience.seconds)
     if not trouble:
         return "", PLACES_OF_POLYTOPES
     trouble = _by_simplices(places, stated, patience)
@@ -69,11 +72,12 @@ def settle_region(loop: PiecewiseLoop, stated: Stated, found: CellWalk, budget: 
     return trouble, PLACES_OF_SIMPLICES
 
 
-def _by_polytopes(loop: PiecewiseLoop, stated: Stated, found: CellWalk) -> str:
+def _by_polytopes(loop: PiecewiseLoop, stated: Stated, found: CellWalk, seconds: float = SECONDS) -> str:
     if len(found.arrived.owner) > MOST_VERTICES:
         return f"{len(found.arrived.owner)} vertices are more than {MOST_VERTICES}"
     terminal = in_places(stated.terminal, 1 - LEVEL_ROOM)
-    settled = settle(found, loop, stated.claim, terminal)
+    claim = replace(stated.claim, inputs=None) if stated.built_in else stated.claim  # then no room need be measured
+    settled = settle(found, loop, claim, terminal, Deadline(0, seconds, time.monotonic()))
     if isinstance(settled, str):
         return settled
     if not settled.arrived:

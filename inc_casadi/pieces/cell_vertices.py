@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .cells import Cells, edges
+from .cells import Cells, paired
 from .fixed import PLACES
 from .places import Places, floats, placed, times
 
@@ -65,7 +65,8 @@ def trouble(cells: Cells, a: Places, b: Places, vertices: Vertices) -> str:
     second listed vertex, this is the other end of the edge. So no edge leads out of the list or to infinity, and since the
     vertices and edges of a polyhedron form a connected graph, the list is complete and the polyhedron bounded.
     """
-    edges(cells)  # asserts that every edge has both ends in the list
+    if not paired(cells)[2]:
+        return "the listed vertices do not close up to polytopes"
     n = a.shape[1]
     pairs = np.unique(np.column_stack([np.repeat(cells.owner, n), cells.facets.reshape(-1)]), axis=0)
     counts = np.bincount(pairs[:, 0], minlength=len(cells))

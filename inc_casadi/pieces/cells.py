@@ -209,24 +209,35 @@ def _crossed_edges(cells: Cells, height: Array) -> tuple[np.ndarray, np.ndarray,
 def edges(cells: Cells) -> tuple[np.ndarray, np.ndarray]:
     """Return both ends (E,), (E,) of every edge: two vertices of one polytope that share all facets but one.
 
-    Each vertex leaves out each of its facets in turn; what remains names one edge, and both its ends name it. The names
-    are 64-bit sums of scattered facet numbers; that a name stands for one edge is checked.
+    Each vertex leaves out each of its facets in turn; what remains names one edge, and both its ends name it. That a name
+    stands for one edge is checked (`paired`).
 
     >>> low, high = edges(whole(Box([0.0, 0.0, 0.0], [1.0, 1.0, 1.0])))
     >>> len(low)
     12
     """
+    low, high, sound = paired(cells)
+    assert sound, "the vertices do not close up to polytopes"
+    return low, high
+
+
+def paired(cells: Cells) -> tuple[np.ndarray, np.ndarray, bool]:
+    """Return pairs of vertices by the names of their edges, and whether each pair does share a polytope and n - 1 facets.
+
+    The names are 64-bit sums of scattered facet numbers, so equal names may stand for different edges: hence the check.
+    """
     M, n = cells.facets.shape
     codes = scattered(cells.facets)
     names = (codes.sum(axis=1, dtype=np.uint64) + scattered(cells.owner + (1 << 40)))[:, None] - codes
     order = np.argsort(names, axis=None, kind="stable")
+    if M * n % 2:
+        return order[:0], order[:0], False
     first, second = order[0::2], order[1::2]
     flat = names.reshape(-1)
     low, high = first // n, second // n
     same = (cells.facets[low][:, :, None] == cells.facets[high][:, None, :]).any(axis=2).sum(axis=1)
     sound = (flat[first] == flat[second]).all() and (same == n - 1).all() and (cells.owner[low] == cells.owner[high]).all()
-    assert M * n % 2 == 0 and sound, "the vertices do not close up to polytopes"
-    return low, high
+    return low, high, bool(sound)
 
 
 def moved(cells: Cells, A: Array, c: Array) -> Cells:

@@ -10,6 +10,7 @@ import numpy as np
 from ..arrays import Array
 from ..blocks import exact
 from ..sets import Box, Polytope
+from .linear import determinant
 
 ENLARGED = (0.0, 1e-13, 1e-11)  # relative to the distance from the centre; tried in turn
 Facet = tuple[tuple[float, ...], ...]
@@ -55,7 +56,7 @@ def covers(simplices: Array, H: Array, h: Array) -> bool:
     sides: dict[Facet, list[Fraction]] = {}
     for corners in simplices:
         numbers = exact(corners)
-        size = _determinant(numbers[1:] - numbers[0])
+        size = determinant(numbers[1:] - numbers[0])
         if size == 0:
             return False
         for k in range(len(corners)):
@@ -82,16 +83,3 @@ def _shared(turns: list[Fraction]) -> bool:
 def _outside(facet: Facet, rows: Array, limits: Array) -> bool:
     values = rows @ exact(np.array(facet)).T
     return bool(np.any(np.all(values >= limits[:, None], axis=1)))
-
-
-def _determinant(M: Array) -> Fraction:
-    table, value = M.copy(), Fraction(1)
-    for k in range(len(M)):
-        pivot = next((i for i in range(k, len(M)) if table[i, k] != 0), None)
-        if pivot is None:
-            return Fraction(0)
-        if pivot != k:
-            table[[k, pivot]], value = table[[pivot, k]], -value
-        value *= table[k, k]
-        table[k + 1:] = table[k + 1:] - (table[k + 1:, k] / table[k, k])[:, None] * table[k][None, :]
-    return value

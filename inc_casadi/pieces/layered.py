@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from ..arrays import Array
 from ..fixed_point import feedforward_levels
 from .fixed import PLACES
 from .laws import PiecewiseLoop
-from .places import Places
+from .places import Places, shifted
 
 MOST_EXTRA = 512
 
@@ -47,7 +46,7 @@ def layered_laws(loop: PiecewiseLoop, patterns: np.ndarray) -> LayeredLaws | Non
     p = PLACES + extra
 
     def at(array: Any) -> Places:
-        return np.asarray(np.frompyfunc(lambda value: _floor(value, p), 1, 1)(np.asarray(array)), dtype=object)
+        return shifted(np.asarray(array, dtype=float), p)
 
     units = np.arange(inc.q)
     slope, offset, low, high = (table[units, patterns] for table in loop.pieces_in_floats)
@@ -73,7 +72,3 @@ def _extra_places(inc: Any) -> int:
     most = max(float(np.max(np.abs(inc.W) @ d + 3.0)), float(np.max(np.abs(inc.V) @ d + 3.0, initial=0.0)))
     return int(np.ceil(np.log2(max(most, 1.0)))) + 9
 
-
-def _floor(value: Any, places: int) -> int:
-    fraction = Fraction(value)
-    return (fraction.numerator << places) // fraction.denominator

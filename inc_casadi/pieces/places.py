@@ -21,7 +21,7 @@ def _place(value: Any) -> int:
 
 
 _placed: Callable[[Any], Any] = np.frompyfunc(_place, 1, 1)
-_float: Callable[[Any], Any] = np.frompyfunc(lambda n: n / (1 << PLACES), 1, 1)
+_shifted: Callable[[Any, Any], Any] = np.frompyfunc(lambda n, by: n << by if by >= 0 else n >> -by, 2, 1)
 
 
 def placed(array: Any) -> Places:
@@ -30,7 +30,23 @@ def placed(array: Any) -> Places:
     >>> int(placed(np.array([1.5]))[0]) == 3 << 255
     True
     """
-    return np.asarray(_placed(np.asarray(array)), dtype=object)
+    array = np.asarray(array)
+    if array.dtype == float and np.all(np.isfinite(array)):
+        return shifted(array, PLACES)
+    return np.asarray(_placed(array), dtype=object)
+
+
+def shifted(array: np.ndarray, places: int) -> Places:
+    """Return finite floats as multiples of 2^-places, rounded down.
+
+    A float is a whole number of at most 53 binary digits times a power of two, so only that power is shifted.
+
+    >>> shifted(np.array([0.75, -0.75]), 1).tolist()
+    [1, -2]
+    """
+    digits, power = np.frexp(array)
+    whole = np.ldexp(digits, 53).astype(np.int64).astype(object)
+    return np.asarray(_shifted(whole, (power + (places - 53)).astype(object)), dtype=object)
 
 
 def floats(array: Places) -> np.ndarray:
@@ -39,7 +55,7 @@ def floats(array: Places) -> np.ndarray:
     >>> floats(placed(np.array([[0.1]]))).tolist()
     [[0.1]]
     """
-    return np.asarray(_float(array), dtype=float)
+    return np.ldexp(np.asarray(array).astype(float), -PLACES)
 
 
 def times(left: Places, right: Places) -> Places:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from ..claims.regional import Regional
 from ..sets import Box, Polytope
 from .enclosure import Step
 from .laws import Laws, PiecewiseLoop, heights
+from .linear import determinant
 from .simplices import Simplices, begin, cut_along, levelled
 from .terminal import TerminalSet
 
@@ -210,23 +210,8 @@ def _initial(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet) -> Sim
         gain = loop.laws(terminal.pattern[None]).Gx[0].astype(float)
         vertices = levelled(vertices, region.lower, region.upper, gain)
     corners = exact(vertices) if loop.arithmetic == "fixed" else loop.numbers(vertices)
-    volumes = np.array([abs(_determinant(v[1:] - v[0])) for v in corners], dtype=corners.dtype)
+    volumes = np.array([abs(determinant(v[1:] - v[0])) for v in corners], dtype=corners.dtype)
     return begin(loop.numbers(vertices), loop.numbers(volumes / volumes.sum()))
-
-
-def _determinant(M: Array) -> Any:
-    if M.dtype != object:
-        return np.linalg.det(M)
-    table, value = M.copy(), Fraction(1)
-    for k in range(len(M)):
-        pivot = next((i for i in range(k, len(M)) if table[i, k] != 0), None)
-        if pivot is None:
-            return Fraction(0)
-        if pivot != k:
-            table[[k, pivot]], value = table[[pivot, k]], -value
-        value *= table[k, k]
-        table[k + 1:] = table[k + 1:] - (table[k + 1:, k] / table[k, k])[:, None] * table[k][None, :]
-    return value
 
 
 def _late(budget: Budget, clock: float) -> bool:
