@@ -72,3 +72,5 @@ def test_the_net_converges_from_the_whole_feasible_set():
     _, _, start, certificate = net_from(1.0)
     assert start.volume == pytest.approx(149.1667, abs=1e-3)
     assert certificate.holds() and certificate.walk.seconds < 100
+    proof = certificate.prove()
+    assert proof and proof.method.startswith("256 binary places for every polytope")
