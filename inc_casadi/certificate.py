@@ -131,7 +131,7 @@ class MatrixCertificate(Certificate):
             given = ", ".join(sorted(self.values)) or "nothing"
             raise InvalidInputError(f"values holds {given}, but claim and multiplier {self.multiplier.name} ask for "
                                     f"{', '.join(wanted)}")
-        values = {name: _checked(unknown, self.values[name]) for name, unknown in wanted.items()}
+        values = {name: checked_value(unknown, self.values[name]) for name, unknown in wanted.items()}
         object.__setattr__(self, "values", MappingProxyType(values))
 
     @cached_property
@@ -165,11 +165,11 @@ class MatrixCertificate(Certificate):
                 margins[f"{name} >= 0"] = lowest if lowest >= 0 else float(min(self._rational_signs[name]))
             conditions = self._conditions
         for name, condition in conditions.items():
-            smallest, room = _smallest_eigenvalue(condition)
+            smallest, room = smallest_eigenvalue(condition)
             if smallest - room > 0 or not smallest + room >= 0:
                 margins[name] = smallest - room
             else:
-                margins[name] = _with_sign(smallest, self._is_definite(name))
+                margins[name] = with_sign(smallest, self._is_definite(name))
         return margins
 
     def surely(self, exact_up_to: int = 0) -> bool:
@@ -319,7 +319,7 @@ class MatrixCertificate(Certificate):
         lowest = float(np.min((slack.value - slack.error) / weights, initial=1.0))
         if lowest > 0 or np.any(slack.value + slack.error < 0):
             return lowest
-        return _with_sign(smallest, exact.contracts(slope, W, weights))
+        return with_sign(smallest, exact.contracts(slope, W, weights))
 
     def _monotone_margin(self) -> float:
         T, ends = self.values["T"], slopes(self.inc.activations)
@@ -328,7 +328,7 @@ class MatrixCertificate(Certificate):
         root = 1.0 / np.sqrt(T)
         smallest = float(np.linalg.eigvalsh(monotone.condition(ends, self.inc.W, T) * np.outer(root, root))[0])
         proved = lmi_well_posed(ends, self.inc.W, T, False) or lmi_well_posed(ends, self.inc.W, T, True)
-        return _with_sign(smallest, proved)
+        return with_sign(smallest, proved)
 
     def _not_well_posed(self) -> str:
         return (f"the controller is not proved well posed: {self.inc.well_posedness().test} (thm:wellposed), so no motion "
@@ -348,7 +348,7 @@ def posed_values(inc: INC) -> dict[str, Array]:
     return {"T": np.zeros(inc.q) if T is None else T}
 
 
-def _checked(unknown: Unknown, value: Any) -> Array:
+def checked_value(unknown: Unknown, value: Any) -> Array:
     """Return a value as its unknown wants it: of its shape, symmetric, zero where it must be."""
     if unknown.is_symmetric:
         array = symmetric(unknown.name, value, unknown.shape[0])
@@ -365,7 +365,7 @@ def _passes(name: str, margin: float) -> bool:
     return margin >= 0 if name.endswith(">= 0") else margin > 0
 
 
-def _smallest_eigenvalue(condition: Rounded) -> tuple[float, float]:
+def smallest_eigenvalue(condition: Rounded) -> tuple[float, float]:
     """Return the smallest eigenvalue of D^-1 M D^-1 and a bound on its error; (-inf, 0) after an overflow."""
     value, size, error = condition.value, condition.size, condition.error
     if not np.all(np.isfinite(size)):
@@ -377,6 +377,6 @@ def _smallest_eigenvalue(condition: Rounded) -> tuple[float, float]:
     return float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0]), float(np.linalg.norm(room) + rounding)
 
 
-def _with_sign(estimate: float, positive: bool) -> float:
+def with_sign(estimate: float, positive: bool) -> float:
     """Return a floating-point estimate of a margin whose sign is known."""
     return max(estimate, np.finfo(float).tiny) if positive else min(estimate, 0.0)

@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from .arrays import Array
-from .certificate import EXACT, FLOAT, Certificate, Proof, _checked, _smallest_eigenvalue, _with_sign, posed_unknowns
+from .certificate import EXACT, FLOAT, Certificate, Proof, checked_value, posed_unknowns, smallest_eigenvalue, with_sign
 from .claims.attraction import Attraction
 from .errors import InvalidInputError
 from .inc import INC
@@ -72,7 +72,7 @@ class EllipsoidCertificate(Certificate):
         if sorted(wanted) != sorted(self.values):
             given = ", ".join(sorted(self.values))
             raise InvalidInputError(f"values holds {given}, but the method {self.method!r} asks for {', '.join(wanted)}")
-        return {name: _checked(unknown, self.values[name]) for name, unknown in wanted.items()}
+        return {name: checked_value(unknown, self.values[name]) for name, unknown in wanted.items()}
 
     @property
     def ellipsoid(self) -> Ellipsoid:
@@ -112,9 +112,9 @@ class EllipsoidCertificate(Certificate):
         for name, entries in self._way.signs(self._setting.read(Rational), checks.lifted(self.values, Rational)).items():
             margins[f"{name} >= 0"] = min((float(entry) for entry in entries.fractions().flat), default=0.0)
         for name, condition in self._rounded.items():
-            smallest, room = _smallest_eigenvalue(condition)
+            smallest, room = smallest_eigenvalue(condition)
             clear = smallest - room > 0 or not smallest + room >= 0
-            margins[name] = smallest - room if clear else _with_sign(smallest, self._decided(name, condition))
+            margins[name] = smallest - room if clear else with_sign(smallest, self._decided(name, condition))
         return margins
 
     @property
