@@ -84,25 +84,13 @@ class Enclosure:
         return bool(np.all(GUARD * size <= ERROR_ROOM * float(terminal.level)))
 
 
-@dataclass(frozen=True)
-class Rounding:
-    """What rounding alone can do: to a state, a z or an input in one step; to a value h - H u or e'P e; to all costs."""
-
-    formula: float
-    verdict: float
-    cost: float
-
-
 def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: Sequence[Step], arrival: Arrival,
-            resolution: float = RESOLUTION, start: float = 0.0, rounding: Rounding | None = None) -> Enclosure:
-    """Return bounds on the error of a walk in numbers that are rounded down to multiples of `resolution`.
-
-    start: how far the starting points can be off already; rounding: what formulas are off by, where that is known better
-    than for a walk over simplices, of which what follows speaks.
+            resolution: float = RESOLUTION) -> Enclosure:
+    """Return bounds on the error of a walk over simplices in numbers that are rounded down to multiples of `resolution`.
 
     Every formula of a walk is a sum of at most N = 64 (n + m + p + q + 2)^2 products of at most four numbers below
     M >= 1, so its rounding is at most r = N M^3 resolution. Let E_k >= |x_k(l) - xhat_k(l)| for all barycentric
-    coordinates l of all simplices, E_0 = start + r. Within a step:
+    coordinates l of all simplices, E_0 = r. Within a step:
 
     * a cut puts its new vertex on the edge up to r, so after c rounds of cutting E' = E + c r. Where on the edge it is put
       does not matter: that share of the edge defines the cut of the starting points too;
@@ -124,13 +112,12 @@ def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: 
     test, ends = inc.well_posedness(), slopes(inc.activations)
     if not np.all(np.isfinite(error_from_residual(test, inc.W, ends, S, GUARD))):
         return Enclosure(np.full((len(steps) + 1, plant.n), np.inf), np.full((len(steps), plant.m), np.inf), np.inf, np.inf)
-    known = rounding or _of_simplices(loop, claim, terminal, steps, arrival, resolution)
-    r = known.formula
+    r = _rounding(loop, claim, terminal, steps, arrival, resolution)
 
     def hidden(residual: Array) -> Array:
         return error_from_residual(test, inc.W, ends, residual, GUARD)
 
-    E, cost = np.full(plant.n, start + r), 0.0
+    E, cost = np.full(plant.n, r), 0.0
     state, inputs = [E], []
     for step in steps:
         E = GUARD * (E + step.rounds * r)
@@ -141,13 +128,14 @@ def enclose(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: 
         inputs.append(error)
     lifted = np.append(arrival.x + np.abs(terminal.x.astype(float)), 1.0)
     cost += GUARD * _change(terminal.tail.astype(float), GUARD * lifted, np.append(np.max(state, axis=0) + r, 0.0))
-    cost += GUARD * known.cost
-    return Enclosure(np.array(state), np.array(inputs).reshape(len(steps), plant.m), cost, known.verdict)
+    depth = sum(step.rounds for step in steps) + 2
+    cost += GUARD * r * (arrival.pieces * depth + (len(steps) + depth) ** 2)
+    return Enclosure(np.array(state), np.array(inputs).reshape(len(steps), plant.m), cost, r)
 
 
-def _of_simplices(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: Sequence[Step],
-                  arrival: Arrival, resolution: float) -> Rounding:
-    """What a formula of a walk over simplices can be off by, N M^3 resolution, doubled; and the sums of costs."""
+def _rounding(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, steps: Sequence[Step],
+              arrival: Arrival, resolution: float) -> float:
+    """What one formula of the walk can be off by: N M^3 resolution, doubled."""
     plant, inputs = loop.plant, claim.inputs
     arrays = [plant.A, plant.B, plant.C, claim.Q, claim.R, terminal.P, terminal.tail, terminal.x, terminal.level,
               arrival.x, arrival.largest]
@@ -156,8 +144,7 @@ def _of_simplices(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, s
     arrays.append(claim.initial.vertices)
     M = max(float(np.max(np.abs(np.asarray(part).astype(float)), initial=1.0)) for part in arrays)
     N = 64 * (plant.n + plant.m + plant.p + loop.inc.q + 2) ** 2
-    r, depth = 2 * N * M**3 * resolution, sum(step.rounds for step in steps) + 2
-    return Rounding(r, r, r * (arrival.pieces * depth + (len(steps) + depth) ** 2))
+    return 2 * N * M**3 * resolution
 
 
 def _change(weight: Array, size: Array, error: Array) -> float:
