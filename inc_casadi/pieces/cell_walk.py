@@ -12,8 +12,8 @@ import numpy as np
 from ..arrays import Array
 from ..claims.regional import Regional
 from ..sets import Box, Polytope, simplex
-from .cells import Cells, moved, simplices_of, whole
-from .cutting import Deadline, magnitude, one_law_each
+from .cells import Cells, simplices_of, whole
+from .cutting import Deadline, inputs_at, one_law_each, under_laws
 from .laws import Laws, PiecewiseLoop
 from .simplices import Simplices
 from .terminal import TerminalSet
@@ -101,7 +101,7 @@ class CellWalk:
     @cached_property
     def done(self) -> Simplices:
         """The arrived cells cut into simplices, with their probability and cost in barycentric coordinates."""
-        return self._triangulated(self.arrived)[0]
+        return self._pulled[0]
 
     @cached_property
     def left(self) -> Simplices:
@@ -109,13 +109,13 @@ class CellWalk:
         return self._triangulated(self.alive)[0]
 
     @cached_property
-    def _owners(self) -> np.ndarray:
-        return self._triangulated(self.arrived)[1]
+    def _pulled(self) -> tuple[Simplices, np.ndarray]:
+        return self._triangulated(self.arrived)
 
     @property
     def arrival(self) -> np.ndarray:
         """The step at which each simplex of `done` arrived."""
-        return self.steps_taken[self._owners]
+        return self.steps_taken[self._pulled[1]]
 
     def _triangulated(self, cells: Cells) -> tuple[Simplices, np.ndarray]:
         corners, owner = simplices_of(cells)
@@ -158,10 +158,8 @@ def cell_walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budge
         ended = _exhausted(alive, step, budget, deadline, reach)
         if len(alive) == 0 or ended:
             break
-        patterns = loop.patterns_at(alive.middles(), patterns)
-        size = np.maximum(size, magnitude(loop, patterns, alive))
         split = one_law_each(loop, alive, patterns, size, deadline)
-        trails = trails.with_cuts(split.cuts, node)
+        size, trails = split.size, trails.with_cuts(split.cuts, node)
         alive, patterns, node, ended = split.cells, split.patterns, node[split.parent], split.ended
         if ended:
             break
@@ -176,17 +174,14 @@ def cell_walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budge
 def stepped(loop: PiecewiseLoop, claim: Regional, cells: Cells, laws: Laws, which: np.ndarray,
             scale: float) -> tuple[Cells, float]:
     """Move cells by their laws and charge the stage cost; return also the smallest h - H u at the vertices."""
-    plant, n = loop.plant, loop.plant.n
-    G, g = laws.Gx[which], laws.g[which]
     slack = np.inf
     if claim.inputs is not None:
-        u = (G[cells.owner] @ cells.now[:, :, None])[:, :, 0] + g[cells.owner]
+        u = inputs_at(cells, laws, which)
         slack = float(np.min(claim.inputs.h - u @ claim.inputs.H.T, initial=np.inf))
-    now, input_map = cells.motion, G @ cells.motion
-    input_map[:, :, n] += g
+    now, input_map = cells.motion, laws.Gx[which] @ cells.motion
+    input_map[:, :, -1] += laws.g[which]
     stage = np.swapaxes(now, 1, 2) @ claim.Q @ now + np.swapaxes(input_map, 1, 2) @ claim.R @ input_map
-    after = moved(cells, plant.A + plant.B @ G, g @ plant.B.T)
-    return replace(after, cost=cells.cost + scale * stage), slack
+    return replace(under_laws(loop, cells, laws, which), cost=cells.cost + scale * stage), slack
 
 
 def _with_tail(inside: Cells, terminal: TerminalSet, scale: float) -> Cells:

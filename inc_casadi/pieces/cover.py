@@ -9,11 +9,11 @@ from typing import Any, Protocol
 import numpy as np
 
 from ..arrays import Array
-from ..blocks import exact
 from ..inc import INC
 from ..plant import Plant
 from ..sets import Box, Polytope
 from .laws import Laws, PiecewiseLoop, heights
+from .linear import determinant
 from .simplices import Simplices, begin, cut_along
 
 
@@ -113,7 +113,7 @@ def triangulated(region: Box | Polytope, numbers: Any) -> Simplices:
     if corners.dtype != object:
         sizes = np.abs(np.linalg.det(corners[:, 1:] - corners[:, :1]))
     else:
-        sizes = np.array([abs(_determinant(each[1:] - each[0])) for each in corners], dtype=object)
+        sizes = np.array([abs(determinant(each[1:] - each[0])) for each in corners], dtype=object)
     return begin(corners, sizes / sizes.sum())
 
 
@@ -177,11 +177,3 @@ def _spent(count: int, pieces: int, deadline: float) -> str:
     if count > pieces:
         return f"more than {pieces} simplices"
     return "the time limit" if time.monotonic() > deadline else ""
-
-
-def _determinant(M: np.ndarray) -> Any:
-    """The determinant of a matrix of Fractions, by expansion along the first row: the matrices are small."""
-    if len(M) == 0:
-        return exact(np.ones(1))[0]
-    minors = (np.delete(M[1:], j, axis=1) for j in range(len(M)))
-    return sum((-1) ** j * M[0, j] * _determinant(minor) for j, minor in enumerate(minors))

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array
-from .cells import Cells, cut, in_start
+from .cells import Cells, cut, in_start, moved
 from .laws import Laws, PiecewiseLoop
 
 TOLERANCE = 1e-12  # a z this close to a kink counts as on it, relative to the terms that z is summed from
@@ -34,13 +34,15 @@ class Deadline:
 class Split:
     """Cells on each of which the controller is the law of one pattern, unless `ended` says that cutting was stopped.
 
-    parent (N,): the cell that each came from; patterns (N, q); cuts: what each new plane of the table was made from.
+    parent (N,): the cell that each came from; patterns (N, q); cuts: what each new plane of the table was made from;
+    size (q,): the magnitude of z met so far.
     """
 
     cells: Cells
     parent: np.ndarray
     patterns: np.ndarray
     cuts: Cuts
+    size: Array
     ended: str
 
 
@@ -61,18 +63,20 @@ class Cuts:
         return len(self.parent)
 
 
-def one_law_each(loop: PiecewiseLoop, cells: Cells, patterns: np.ndarray | None, size: Array, deadline: Deadline) -> Split:
+def one_law_each(loop: PiecewiseLoop, cells: Cells, guess: np.ndarray | None, size: Array, deadline: Deadline) -> Split:
     """Cut cells until the law of the pattern at the middle of each holds at all its vertices, hence everywhere on it.
 
     If some vertex lies beyond a bound of the pattern's piece, another lies within it, because their mean does. The cell
     is cut where the law's z meets the bound that is passed the farthest, to within a tolerance: there the law of the
     neighbouring piece takes over, and neither half passes that bound again. There are finitely many patterns, so this ends.
 
-    patterns (N, q): a first guess for each cell; size (q,): the magnitude of z that the tolerance is relative to.
+    guess (N, q): patterns to start from, or None; size (q,): the magnitude of z met so far, that of these cells is added:
+    the tolerance is relative to it.
     """
     parent, ready, ended = np.arange(len(cells)), [], ""
     made = [Cuts(parent[:0], np.zeros((0, loop.inc.q), int), parent[:0], np.zeros(0))]
-    patterns = loop.patterns_at(cells.middles(), patterns)
+    patterns = loop.patterns_at(cells.middles(), guess)
+    size = np.maximum(size, _magnitude(loop, patterns, cells))
     tolerance = TOLERANCE * np.tile(size, 2)
     planes = cells.planes
     while len(cells):
@@ -94,15 +98,15 @@ def one_law_each(loop: PiecewiseLoop, cells: Cells, patterns: np.ndarray | None,
         made.append(Cuts(parent, patterns, bound, level))
         planes, parent = cells.planes, parent[half]
         patterns = loop.patterns_at(cells.middles(), patterns[half])
-    return _collected(ready, planes, made, ended)
+    return _collected(ready, planes, made, size, ended)
 
 
-def _collected(ready: list, planes: Array, made: list[Cuts], ended: str) -> Split:
+def _collected(ready: list, planes: Array, made: list[Cuts], size: Array, ended: str) -> Split:
     cells = Cells.joined_all([part for part, _, _ in ready], planes)
     names = ("parent", "patterns", "bound", "level")
     cuts = Cuts(*(np.concatenate([getattr(part, name) for part in made]) for name in names))
     parents, patterns = (np.concatenate([part[i] for part in ready]) for i in (1, 2))
-    return Split(cells, parents, patterns, cuts, ended)
+    return Split(cells, parents, patterns, cuts, size, ended)
 
 
 def _passed_bounds(laws: Laws, which: np.ndarray, cells: Cells, tolerance: Array) -> tuple[Array, np.ndarray]:
@@ -146,8 +150,20 @@ def _height(laws: Laws, which: np.ndarray, cells: Cells, bound: np.ndarray) -> t
     return height, in_start(cells, gradient, offset)
 
 
-def magnitude(loop: PiecewiseLoop, patterns: np.ndarray, cells: Cells) -> Array:
+def _magnitude(loop: PiecewiseLoop, patterns: np.ndarray, cells: Cells) -> Array:
     """The magnitude (q,) of the terms that z is summed from: rounding is relative to it, also where z vanishes."""
     laws = loop.laws(loop.distinct(patterns)[0])
     reach = np.abs(cells.now).max(axis=0)
     return (np.abs(laws.Zx) @ reach + np.abs(laws.z0)).max(axis=0, initial=0.0)
+
+
+def inputs_at(cells: Cells, laws: Laws, which: np.ndarray) -> Array:
+    """Return u (M, m) at the vertices, where cell i is under the law which[i]."""
+    law = which[cells.owner]
+    return (laws.Gx[law] @ cells.now[:, :, None])[:, :, 0] + laws.g[law]
+
+
+def under_laws(loop: PiecewiseLoop, cells: Cells, laws: Laws, which: np.ndarray) -> Cells:
+    """Return the cells one step later, where cell i is under the law which[i]."""
+    plant = loop.plant
+    return moved(cells, plant.A + plant.B @ laws.Gx[which], laws.g[which] @ plant.B.T)

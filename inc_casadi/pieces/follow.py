@@ -10,8 +10,8 @@ import numpy as np
 
 from ..arrays import Array
 from ..sets import Box, Polytope
-from .cells import Cells, cut, in_start, moved, volumes
-from .cutting import TOLERANCE, Deadline, magnitude, one_law_each
+from .cells import Cells, cut, in_start, volumes
+from .cutting import TOLERANCE, Deadline, one_law_each, under_laws
 from .laws import Laws, PiecewiseLoop
 from .terminal import TerminalSet
 from .walk import Budget
@@ -79,10 +79,8 @@ def follow(loop: PiecewiseLoop, cells: Cells, inputs: Box | Polytope | None, goa
         ended = deadline.passed(len(alive)) or (f"{step} steps" if step in (budget.steps, last + STALE) else "")
         if ended:
             break
-        patterns = loop.patterns_at(alive.middles(), patterns)
-        size = np.maximum(size, magnitude(loop, patterns, alive))
         split = one_law_each(loop, alive, patterns, size, deadline)
-        alive, patterns, ended = split.cells, split.patterns, split.ended
+        alive, patterns, size, ended = split.cells, split.patterns, split.size, split.ended
         if ended:
             break
         before = alive.start
@@ -99,8 +97,7 @@ def _one_step(loop: PiecewiseLoop, cells: Cells, patterns: np.ndarray,
     laws = loop.laws(distinct)
     if inputs is not None:
         cells, which, patterns = _within_limits(inputs, cells, laws, which, patterns)
-    G, g = laws.Gx[which], laws.g[which]
-    return moved(cells, loop.plant.A + loop.plant.B @ G, g @ loop.plant.B.T), patterns
+    return under_laws(loop, cells, laws, which), patterns
 
 
 def _within_limits(inputs: Box | Polytope, cells: Cells, laws: Laws, which: np.ndarray,

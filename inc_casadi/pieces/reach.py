@@ -15,8 +15,8 @@ from ..inc import INC
 from ..loop import close_loop
 from ..plant import Plant, as_plant
 from ..sets import Box, Polytope, Uniform, rules
-from .cells import Cells, moved, whole
-from .cutting import Deadline, magnitude, one_law_each
+from .cells import Cells, whole
+from .cutting import Deadline, inputs_at, one_law_each, under_laws
 from .laws import PiecewiseLoop
 from .walk import Budget
 
@@ -125,17 +125,13 @@ def reachable(plant: Any, inc: INC, initial: Box | Polytope | Uniform, steps: in
 
 def _advanced(loop: PiecewiseLoop, cells: Cells, patterns: np.ndarray | None, size: Array,
               deadline: Deadline) -> tuple[Cells, np.ndarray, Array, Array, str]:
-    patterns = loop.patterns_at(cells.middles(), patterns)
-    size = np.maximum(size, magnitude(loop, patterns, cells))
     split = one_law_each(loop, cells, patterns, size, deadline)
     if split.ended:
-        return cells, patterns, size, np.zeros((2, loop.plant.m)), split.ended
+        return cells, split.patterns, size, np.zeros((2, loop.plant.m)), split.ended
     distinct, which = loop.distinct(split.patterns)
     laws = loop.laws(distinct)
-    G, g, cells = laws.Gx[which], laws.g[which], split.cells
-    u = (G[cells.owner] @ cells.now[:, :, None])[:, :, 0] + g[cells.owner]
-    after = moved(cells, loop.plant.A + loop.plant.B @ G, g @ loop.plant.B.T)
-    return after, split.patterns, size, np.array([u.min(axis=0), u.max(axis=0)]), ""
+    u, after = inputs_at(split.cells, laws, which), under_laws(loop, split.cells, laws, which)
+    return after, split.patterns, split.size, np.array([u.min(axis=0), u.max(axis=0)]), ""
 
 
 def _checked(plant: Plant, region: Any) -> Box | Polytope:
