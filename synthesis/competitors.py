@@ -9,8 +9,7 @@ import numpy as np
 from inc_casadi import Plant, Spec
 from inc_casadi.arrays import Array
 from inc_casadi.errors import INCError
-
-from .starts.static_gain import best_static_gain, scaled_lqr_gain
+from inc_casadi.linear.static_gain import best_static_gain, scaled_lqr_gain
 
 STEPS = 200
 EXCEEDS = ", limits kept at k = 0 only"

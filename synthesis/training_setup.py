@@ -13,6 +13,7 @@ from inc_casadi.activations import stack
 from inc_casadi.arrays import Array, symmetric
 from inc_casadi.errors import InvalidInputError, SolverError
 from inc_casadi.inc import INC
+from inc_casadi.linear.regulator import discounted_lqr
 from inc_casadi.plant import Plant
 from inc_casadi.sets import Box, Distribution, Empirical, Polytope
 from inc_casadi.sets.rules import whole
@@ -20,7 +21,6 @@ from inc_casadi.spec import Spec
 
 from .objective import Layout
 from .rollout import Parameters, Scenario, hidden, roll
-from .starts.lqr import discounted_lqr
 from .starts.random_start import input_range, measurement_range
 
 COARSE, FINE, JUDGE = 130, 400, 900  # most nodes of the first phase, the last phase, and the judge

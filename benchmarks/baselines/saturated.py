@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from inc_casadi import INC, Box, Plant, Spec
 from inc_casadi.errors import InvalidInputError
-from synthesis.starts.lqr import discounted_lqr
+from inc_casadi.linear.regulator import discounted_lqr
 
 
 def saturated_lqr(plant: Plant, spec: Spec) -> INC:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from benchmarks.plants.paper import Case, output_feedback, scalar
 from inc_casadi import INC, Regional, bounds, certify
-from synthesis.starts.static_gain import best_static_gain
+from inc_casadi.linear.static_gain import best_static_gain
 
 from .row import Row, formula
 

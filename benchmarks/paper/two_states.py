@@ -8,9 +8,9 @@ from benchmarks.baselines import control_lqr_gain, dense_search, saturated_lqr
 from benchmarks.plants import two_state
 from inc_casadi import bounds
 from inc_casadi.arrays import Array
+from inc_casadi.linear.regulator import discounted_lqr
+from inc_casadi.linear.static_gain import best_static_gain, scaled_lqr_gain
 from synthesis.estimate import estimate
-from synthesis.starts.lqr import discounted_lqr
-from synthesis.starts.static_gain import best_static_gain, scaled_lqr_gain
 
 from .row import Row
 from .separation import exact_cost

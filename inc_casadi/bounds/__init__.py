@@ -1,9 +1,9 @@
 """Lower bounds on the cost of classes of controllers, each with the numbers that prove it."""
 
+from ..reachability import uncontrollable_vertex
 from .affine_moves import affine_moves
 from .any_controller import any_controller
 from .bound import Bound
 from .first_move import first_move
-from .reachability import uncontrollable_vertex
 
 __all__ = ["Bound", "affine_moves", "any_controller", "first_move", "uncontrollable_vertex"]

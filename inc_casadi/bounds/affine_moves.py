@@ -13,9 +13,10 @@ from ..errors import InvalidInputError
 from ..figures import at_least
 from ..plant import as_plant
 from ..sets import Box, Distribution, Ellipsoid
+from ..sets.farthest import farthest
 from ..sets.rules import whole
 from ..spec import Spec
-from .affine_problem import AffineProgram, Cuts, best_moves, farthest, moment_root
+from .affine_problem import AffineProgram, Cuts, best_moves, moment_root
 from .bound import Bound
 from .lagrangian import Lagrangian
 from .measured import measured_rows

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field
+from fractions import Fraction
 from math import isfinite
+from time import perf_counter
 
+from ..certificate import EXACT, Proof
 from ..plant import Plant
 from ..spec import Spec
 
@@ -48,6 +51,19 @@ class Bound(ABC):
     @abstractmethod
     def dual(self) -> tuple[float, float]:
         """Return the weak-duality value recomputed from the stored numbers, and the rounding allowance (>= 0)."""
+
+    def exact_value(self) -> Fraction | str:
+        """Return the weak-duality value in exact rational arithmetic, or in words why there is none."""
+        return "this bound is not stated in exact arithmetic"
+
+    def prove(self) -> Proof:
+        """Settle the bound in exact rational arithmetic: every stored float is taken as exactly the number it is."""
+        begun = perf_counter()
+        found = self.exact_value()
+        if isinstance(found, str):
+            return Proof(False, EXACT, perf_counter() - begun, found)
+        short = "" if Fraction(self.value) <= found else f"the exact value is {float(found)!r}, below the stated one"
+        return Proof(not short, EXACT, perf_counter() - begun, short)
 
     def holds(self) -> bool:
         """Return whether the stored numbers prove the value: NumPy only, no solver.

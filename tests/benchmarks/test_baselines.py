@@ -9,7 +9,7 @@ from benchmarks.baselines import control_lqr_gain, dense_search, lyapunov_costs,
 from benchmarks.plants import output_feedback, scalar, two_state
 from inc_casadi import Box, Plant, Polytope, Spec, simulate
 from inc_casadi.errors import InvalidInputError
-from synthesis.starts.lqr import discounted_lqr
+from inc_casadi.linear.regulator import discounted_lqr
 
 
 def test_lqr_of_python_control_is_ours():

@@ -8,8 +8,8 @@ import pytest
 
 from inc_casadi import INC, Box, Empirical, Gaussian, Logistic, Plant, Polytope, ReLU, Saturation, Spec, Tanh
 from inc_casadi.errors import DimensionError, InvalidInputError, NotStabilizableError, SolverError
+from inc_casadi.linear.regulator import discounted_lqr
 from synthesis.rollout import Parameters
-from synthesis.starts.lqr import discounted_lqr
 from synthesis.starts.random_start import linear_start, random_start
 from synthesis.training import train
 from synthesis.training_setup import balanced, inscribed_box, nodes_of, setup

@@ -5,7 +5,7 @@ import pytest
 
 from inc_casadi import Box, Plant, Spec
 from inc_casadi.bounds import affine_moves, any_controller, first_move
-from synthesis.starts.static_gain import best_static_gain
+from inc_casadi.linear.static_gain import best_static_gain
 
 SCALAR = Plant(1.5, 1.0)
 BETAS = [0.05, 0.5, 0.98, 1.0]

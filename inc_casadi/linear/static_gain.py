@@ -7,17 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from inc_casadi.arrays import Array
-from inc_casadi.bounds.affine_problem import farthest
-from inc_casadi.bounds.reachability import uncontrollable_vertex
-from inc_casadi.errors import InfeasibleError, InvalidInputError
-from inc_casadi.plant import Plant, as_plant
-from inc_casadi.sets import Gaussian
-from inc_casadi.sets.rules import whole
-from inc_casadi.spec import Spec
-
+from ..arrays import Array
+from ..errors import InfeasibleError, InvalidInputError
+from ..plant import Plant, as_plant
+from ..reachability import uncontrollable_vertex
+from ..sets import Gaussian
+from ..sets.farthest import farthest
+from ..sets.rules import whole
+from ..spec import Spec
 from .gain_search import ADMISSIBLE_TOL, Admissible, annealed, evaluate, excess
-from .lqr import damped_plant, discounted_lqr
+from .regulator import damped_plant, discounted_lqr
 
 _LISTED = 2000  # rows of constraints that are listed at once; more are added when violated
 

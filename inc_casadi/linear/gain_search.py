@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from inc_casadi.arrays import Array
-from inc_casadi.bounds.affine_problem import farthest
-from inc_casadi.errors import InfeasibleError, SolverError
-from inc_casadi.plant import Plant
-from inc_casadi.spec import Spec
+from ..arrays import Array
+from ..errors import InfeasibleError, SolverError
+from ..plant import Plant
+from ..sets.farthest import farthest
+from ..spec import Spec
 
 _LEVELS, _STEPS_PER_LEVEL, _LAST_STEPS = 40, 6, 200
 ADMISSIBLE_TOL = 1e-9  # relative to the size of the limits

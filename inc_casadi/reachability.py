@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
-from ..plant import Plant, as_plant
-from ..sets import Distribution, Gaussian
-from ..spec import Spec
-from .affine_problem import farthest
+from .arrays import Array
+from .plant import Plant, as_plant
+from .sets import Distribution, Gaussian
+from .sets.farthest import farthest
+from .spec import Spec
 
 _EVIDENCE = 1e-7  # relative excess that counts as one
 _BOUNDARY_TOL = 1e-12  # relative distance within which an eigenvalue is on the stability boundary

@@ -7,8 +7,8 @@ from scipy.optimize import minimize_scalar
 from inc_casadi import Box, Ellipsoid, Empirical, Gaussian, Plant, Polytope, Spec
 from inc_casadi.bounds import affine_moves
 from inc_casadi.errors import InfeasibleError, InvalidInputError, NotStabilizableError
-from synthesis.starts.gain_search import evaluate
-from synthesis.starts.static_gain import best_static_gain, scaled_lqr_gain
+from inc_casadi.linear.gain_search import evaluate
+from inc_casadi.linear.static_gain import best_static_gain, scaled_lqr_gain
 
 TWO_STATE = Plant([[1.10, 1.00], [0.0, 1.02]], [[0.20], [0.50]])
 TWO_STATE_SPEC = Spec(np.eye(2), 0.05, 0.98, Box([-0.8, -0.8], [0.8, 0.8]), Box(-1, 1))

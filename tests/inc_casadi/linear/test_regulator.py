@@ -5,7 +5,7 @@ import pytest
 
 from inc_casadi import Box, Gaussian, Plant, Spec
 from inc_casadi.errors import InvalidInputError, NotStabilizableError, SolverError
-from synthesis.starts.lqr import discounted_lqr
+from inc_casadi.linear.regulator import discounted_lqr
 
 N, M = 3, 2
 

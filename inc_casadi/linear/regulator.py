@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from inc_casadi.arrays import Array
-from inc_casadi.errors import InvalidInputError, NotStabilizableError, SolverError
-from inc_casadi.plant import Plant, as_plant
-from inc_casadi.spec import Spec
+from ..arrays import Array
+from ..errors import InvalidInputError, NotStabilizableError, SolverError
+from ..plant import Plant, as_plant
+from ..spec import Spec
 
 _RESIDUAL_TOL = 1e-8
 _SWEEPS = 5000
