@@ -9,10 +9,18 @@ import numpy as np
 
 from ..arrays import Array
 from ..plant import Plant
+from ..sets import Box, Distribution, Ellipsoid, Uniform
 from ..spec import Spec
-from .affine_problem import Cuts, extended, measurement, moment_root
-from .measured import Rows, measured_rows
+from .affine_problem import Cuts, extended, moment_root
+from .exact_anchors import nearly_flat
+from .frame import Frame
+from .measured import measured_rows
 from .moves import UNIT, minorant, rollout
+from .occurring import may_occur
+
+NEARLY_FLAT = ("the initial states lie within rounding of a hyperplane, but not on it, so that moves of gains beyond 1e12 "
+               "tell them apart: describe them in fewer coordinates, or round them onto it")
+_VERTEX_TOL = 1e-12  # relative error of the vertices of a polytope of inputs, which Qhull computes
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +40,29 @@ class Lagrangian:
         assert self.spec.inputs is not None
         return np.max(np.abs(self.spec.inputs.vertices), axis=1)
 
+    @property
+    def trouble(self) -> str:
+        """What is wrong with the stored numbers, in words, or nothing: shapes, signs, points that may not occur.
+
+        Any numbers that pass prove something, however low.
+        """
+        spec, cuts = self.spec, self.cuts
+        assert spec.inputs is not None
+        count, n, m = self.multipliers.size, spec.n, spec.m
+        shapes = (cuts.move.shape, cuts.facet.shape, cuts.point.shape, self.moves.shape[1:], self.anchors.shape[:1])
+        if shapes != ((count,), (count,), (n, count), (m, n + 1), (n,)):
+            return f"cuts, moves or anchors do not fit {count} multipliers, {n} states and {m} inputs"
+        if not (np.all(np.isfinite(self.moves)) and np.all(np.isfinite(self.multipliers))):
+            return "a move or a multiplier is not finite"
+        if np.any(self.multipliers < 0):
+            return "a multiplier is negative"
+        for name, index, size in (("move", cuts.move, len(self.moves)), ("half-space", cuts.facet, len(spec.inputs.h))):
+            if np.any((index < 0) | (index >= size)):
+                return f"a cut names a {name} that does not exist"
+        if not may_occur(spec.initial, np.hstack([cuts.point, self.anchors])):
+            return "a point of a cut or an anchor is not an initial state that may occur"
+        return NEARLY_FLAT if nearly_flat(self.plant, self.anchors, len(self.moves)) else ""
+
     def lower(self) -> tuple[float, float]:
         """Return min over moves within the limits of the minorant of the cost plus multipliers times cuts.
 
@@ -44,7 +75,8 @@ class Lagrangian:
         frames = [Frame(rows, self.anchors) for rows in measured_rows(self.plant, N)]
         reach = np.stack([np.outer(self.reach, frame.sizes @ np.abs(frame.E)) for frame in frames])
         u = self.moves @ L
-        x = rollout(self.plant.A, self.plant.B, L[:-1], u)
+        n = self.plant.n
+        x = rollout(self.plant.A, self.plant.B, np.eye(n, n + 1), self.moves) @ L  # as in exact arithmetic: `exact_lower`
         below = minorant(self.plant, spec, spec.Q, x, u, reach @ np.abs(L))
         H, h = spec.inputs.H, spec.inputs.h
         value = float(np.sum(below.state * L[:-1]) - below.offset.sum() - self.multipliers @ h[self.cuts.facet])
@@ -54,59 +86,20 @@ class Lagrangian:
             mine = self.cuts.move == k
             forces = (self.multipliers[mine] * H[self.cuts.facet[mine]].T, extended(self.cuts.point[:, mine]).T)
             M = below.inputs[k] @ L.T + forces[0] @ forces[1]
-            value -= float(np.sum(spec.inputs.support(-frame.on_anchors(M))))
+            N_k = frame.on_anchors(M)
+            value -= float(np.sum(spec.inputs.support(-N_k)))
+            if not isinstance(spec.inputs, Box):
+                lost += _VERTEX_TOL * float(np.sum(np.abs(N_k) * self.reach[:, None]))
             absolute = np.abs(below.inputs[k]) @ np.abs(L.T) + np.abs(forces[0]) @ np.abs(forces[1])
             sizes += float(np.sum(absolute * reach[k])) + frame.rounding(M, self.reach)
             lost += frame.missed(M, self.reach)
-        return value, lost + 4 * UNIT * (self.plant.n + self.multipliers.size + 16) * (sizes + abs(value))
+        terms = n + self.multipliers.size + 16 + _moment_rounding(spec.initial)
+        return value, lost + 4 * UNIT * terms * (sizes + abs(value))
 
 
-@dataclass(frozen=True, eq=False)
-class Frame:
-    """The functions E [x; 1] = [R x; 1] that one move is a combination of, and anchors (n, a) by which to bound it."""
-
-    rows: Rows
-    anchors: Array
-
-    @cached_property
-    def E(self) -> Array:
-        """(r + 1, n + 1)."""
-        return measurement(self.rows)
-
-    @cached_property
-    def seen(self) -> Array:
-        """E [v; 1] of the anchors, (r + 1, a)."""
-        return self.E @ extended(self.anchors)
-
-    @cached_property
-    def inverse(self) -> Array:
-        """The pseudoinverse (a, r + 1): [Y d] = u(anchors) @ inverse."""
-        # Rows are scaled first, so that units do not decide the rank.
-        scale = np.max(np.abs(self.seen), axis=1, initial=0.0, keepdims=True)
-        scale = np.where(scale > 0, scale, 1.0)
-        return np.linalg.pinv(self.seen / scale, rcond=1e-12) / scale.T
-
-    @cached_property
-    def sizes(self) -> Array:
-        """Sums (r + 1,) that bound [Y d] when multiplied by the largest input."""
-        return np.sum(np.abs(self.inverse), axis=0)
-
-    def on_anchors(self, M: Array) -> Array:
-        """Return N (m, a) with <M, U> = sum_i N_i'u(v_i)."""
-        return M @ self.E.T @ self.inverse.T
-
-    def rounding(self, M: Array, reach: Array) -> float:
-        """Return the sum of absolute values of what is lost when N is rounded."""
-        return float(np.sum(np.abs(self.on_anchors(M)) @ np.abs(self.seen.T) * np.outer(reach, self.sizes)))
-
-    def missed(self, M: Array, reach: Array) -> float:
-        """Return how much <M, U> can lie below what the anchors and the rounded row basis see of it."""
-        off = np.abs(self.on_anchors(M) @ self.seen.T - M @ self.E.T)
-        return float(np.sum(off * np.outer(reach, self.sizes))) + self._unseen(M, reach)
-
-    def _unseen(self, M: Array, reach: Array) -> float:
-        R = self.rows.basis
-        if self.rows.sine == 0:
-            return 0.0
-        unseen = M[:, :-1] - M[:, :-1] @ R.T @ R
-        return self.rows.sine * float(np.linalg.norm(unseen) * np.linalg.norm(np.outer(reach, self.sizes[:-1])))
+def _moment_rounding(initial: Distribution) -> float:
+    # By how many units the covariance may be off, relative to itself: an ellipsoid's is an inverse.
+    support = initial.support
+    if isinstance(initial, Uniform) and isinstance(support, Ellipsoid):
+        return support.dimension * float(np.linalg.cond(support.P))
+    return 0.0

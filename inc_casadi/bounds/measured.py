@@ -22,30 +22,44 @@ class Rows:
 
 
 def measured_rows(plant: Plant, moves: int) -> list[Rows]:
-    """Return for k = 0..moves-1 a basis of the row space of [C; CA; ...; CA^k].
+    """Return for k = 0..moves-1 an orthonormal basis of the row space of [C; CA; ...; CA^k].
 
     The rank is decided in exact arithmetic on the stored floats, so that no direction, however faintly measured, is
     denied to a controller; where the basis would be ill conditioned the whole space is returned, which only lowers a
-    bound. The space stops growing once CA^k adds no row (Cayley and Hamilton).
+    bound.
 
     >>> plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]], C=[[2.0, 0.0]])
     >>> [rows.basis.shape for rows in measured_rows(plant, 3)]
     [(1, 2), (2, 2), (2, 2)]
     """
+    distinct = exact_rows(plant, moves)
+    found = [orthonormal(list(rows), plant.n) for rows in distinct]
+    return found + [found[-1]] * (moves - len(found))
+
+
+def exact_rows(plant: Plant, moves: int) -> list[np.ndarray]:
+    """Return for k = 0, 1, ... independent rows (r, n) of Fractions that span the row space of [C; CA; ...; CA^k].
+
+    Once CA^k adds no row the space grows no more (Cayley and Hamilton): the list ends there, or after `moves` entries.
+
+    >>> plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]], C=[[2.0, 0.0]])
+    >>> [len(rows) for rows in exact_rows(plant, 9)]
+    [1, 2]
+    """
     if plant.full_state:
-        return [_everything(plant.n)] * moves
+        return [exact(np.eye(plant.n))]
     A, new = exact(plant.A), list(exact(plant.C))
     echelon: list[tuple[int, np.ndarray]] = []
-    found: list[Rows] = []
+    found: list[np.ndarray] = []
     while len(found) < moves:
         before = len(echelon)
         for row in new:
             _extend(echelon, row)
-        found.append(orthonormal([row for _, row in echelon], plant.n))
+        found.append(np.array([row for _, row in echelon], dtype=object).reshape(-1, plant.n))
         if len(echelon) in (before, plant.n):
             break
         new = [row @ A for _, row in echelon[before:]]
-    return found + [found[-1]] * (moves - len(found))
+    return found
 
 
 def _everything(n: int) -> Rows:

@@ -5,7 +5,10 @@ from .box import Box
 from .ellipsoid import Ellipsoid
 from .empirical import Empirical
 from .gaussian import Gaussian
+from .moments import Moments
 from .polytope import Polytope
 from .uniform import Uniform, as_distribution
 
-__all__ = ["Box", "Distribution", "Ellipsoid", "Empirical", "Gaussian", "Polytope", "Set", "Uniform", "as_distribution"]
+__all__ = [
+    "Box", "Distribution", "Ellipsoid", "Empirical", "Gaussian", "Moments", "Polytope", "Set", "Uniform", "as_distribution",
+]

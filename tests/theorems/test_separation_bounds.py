@@ -66,14 +66,50 @@ def test_lsof_sep(beta):
     assert dynamic.value == pytest.approx(1 / 3 + beta / 12, abs=1e-7) and dynamic.value < gain.cost
 
 
-def test_the_bound_of_longrun_dyn_is_attained_by_a_controller_of_order_one():
+def dynamic_limit(beta, r):
+    """The infimum over admissible linear controllers of any order, for r <= beta/2, and the gain K that they end with.
+
+    After the first move no limit matters: the rest costs at least beta P E x_1^2, P = 1 + 2.25 beta P r / (r + beta P) the
+    Riccati root. So J >= (1 + r D^2 + beta P (1.5 + D)^2) / 3 with |D| <= 1, least at D = -1 as r <= beta P / 2. There
+    x_1 = x_0 / 2, and u_k = -K x_k, K = 1.5 beta P / (r + beta P) <= 1.5, keeps the limits from then on:
+    |u_1| <= 0.75 and 0 <= 1.5 - K <= 1/2. With r = 0, P = 1: thm:longrun_dyn is tight.
+    """
+    half = (beta + 2.25 * beta * r - r) / 2
+    P = (half + np.sqrt(half**2 + beta * r)) / beta
+    return (1 + r + beta * P / 4) / 3, 1.5 * beta * P / (r + beta * P)
+
+
+@pytest.mark.parametrize("beta", BETAS)
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5])
+def test_affine_moves_reach_the_infimum_over_dynamic_linear_controllers(beta, share):
+    spec = scalar_spec(beta, share * beta)
+    true, _ = dynamic_limit(beta, share * beta)
+    bound = affine_moves(SCALAR, spec)
+    assert bound.holds() and true - 1e-7 < bound.value <= true
+    assert bound.exact_value() <= true + 1e-15
+
+
+@pytest.mark.parametrize("beta", BETAS)
+@pytest.mark.parametrize("share", [0.0, 0.1, 0.5])
+def test_the_infimum_is_attained_by_a_controller_of_order_one(beta, share):
+    r = share * beta
+    true, K = dynamic_limit(beta, r)
     x, xi, total = np.array([-1.0, 1.0]), np.zeros(2), 0.0
-    for k in range(5):
-        u = -0.25 * xi - x
+    for k in range(200):
+        u = (1 - K) / 2 * xi - x
         assert np.max(np.abs(u)) <= 1
-        total += 0.7**k * np.mean(x**2) / 3  # every x_k is a multiple of x_0, and E x_0^2 = 1/3
-        x, xi = 1.5 * x + u, -0.5 * xi + x
-    assert total == pytest.approx(1 / 3 + 0.7 / 12, rel=1e-12)
+        total += beta**k * np.mean(x**2 + r * u**2) / 3  # every x_k is a multiple of x_0, and E x_0^2 = 1/3
+        x, xi = 1.5 * x + u, (1 - K) * xi + x
+    assert total == pytest.approx(true, rel=1e-12)
+
+
+@pytest.mark.parametrize("beta, r, gain", [(1.0, 0.0, 0.0), (0.5, 0.0, 0.0), (1.0, 0.1, 0.017316), (1.0, 0.5, 0.074134),
+                                           (0.5, 0.05, 0.004298), (0.5, 0.25, 0.017320)])
+def test_by_how_much_the_paper_s_bound_can_be_raised(beta, r, gain):
+    # beta (P - 1) / 12 over 1/3 + r/3 + beta/12: nothing without an input penalty; 11 % at r = beta/2 = 1/2.
+    raised = affine_moves(SCALAR, scalar_spec(beta, r)).value - first_move(SCALAR, scalar_spec(beta, r)).value
+    assert raised == pytest.approx(gain, abs=6e-7)
+    assert raised == pytest.approx(dynamic_limit(beta, r)[0] - (1 / 3 + r / 3 + beta / 12), abs=1e-7)
 
 
 @pytest.mark.parametrize("alpha", [-0.7, 0.3])

@@ -1,0 +1,41 @@
+"""The minimum over affine moves written on trajectories from states that carry the moments, for CVXPY."""
+
+import cvxpy as cp
+import numpy as np
+
+
+def with_moments(mean, covariance):
+    """Points (n, 2n) and weights that have this mean and covariance; they need not lie in any set."""
+    n = len(mean)
+    steps = np.sqrt(n) * np.linalg.cholesky(covariance + 1e-15 * np.eye(n))
+    return mean[:, None] + np.hstack([steps, -steps]), np.full(2 * n, 1 / (2 * n))
+
+
+def sampled_program(plant, spec, moves, states, weights, corners, free=True):
+    """min E cost over u_k = D_k x_0 + d_k, D_k any matrix, or (free=False) sum_j T_kj C A^j; limits at `corners` (n, c).
+
+    states (n, N), weights (N,): points with the moments of x_0.
+    """
+    n, m = plant.n, plant.m
+    stacks = [np.vstack([plant.C @ np.linalg.matrix_power(plant.A, j) for j in range(k + 1)]) for k in range(moves)]
+    rows = [np.eye(n) if free else stack for stack in stacks]
+    D = [cp.Variable((m, len(row))) for row in rows]
+    d = [cp.Variable((m, 1)) for _ in range(moves)]
+    rootQ, rootR = root(spec.Q), root(spec.R)
+    roots, ones = np.sqrt(weights)[None, :], np.ones((1, len(weights)))
+    x, total, held = cp.Constant(states), 0, []
+    for k in range(moves):
+        u = D[k] @ (rows[k] @ states) + d[k] @ ones
+        total += spec.discount**k * (cp.sum_squares(cp.multiply(rootQ @ x, np.repeat(roots, n, axis=0)))
+                                     + cp.sum_squares(cp.multiply(rootR @ u, np.repeat(roots, m, axis=0))))
+        at = D[k] @ (rows[k] @ corners) + d[k] @ np.ones((1, corners.shape[1]))
+        held.append(spec.inputs.H @ at <= np.repeat(spec.inputs.h[:, None], corners.shape[1], axis=1))
+        x = plant.A @ x + plant.B @ u
+    total += spec.discount**moves * cp.sum_squares(cp.multiply(rootQ @ x, np.repeat(roots, n, axis=0)))
+    return float(cp.Problem(cp.Minimize(total), held).solve(solver=cp.CLARABEL))
+
+
+def root(weight):
+    """A square root of a semidefinite matrix."""
+    eigenvalues, V = np.linalg.eigh(weight)
+    return np.sqrt(np.maximum(eigenvalues, 0))[:, None] * V.T
