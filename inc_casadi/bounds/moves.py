@@ -77,7 +77,8 @@ def discount_powers(discount: float, T: int) -> Array:
     return (discount ** np.arange(T, dtype=float))[:, None, None]
 
 
-def minorant(plant: Plant, spec: Spec, P: Array, x: Array, u: Array, u_reach: Array) -> Minorant:
+def minorant(plant: Plant, spec: Spec, P: Array, x: Array, u: Array, u_reach: Array,
+             start: Array | None = None) -> Minorant:
     """Return the tangent of the cost at the numbers (x, u), which need not be a trajectory, nor admissible.
 
     cost(x_0, u) = sum_{k<T} beta^k (x_k'Q x_k + u_k'R u_k) + beta^T x_T'P x_T along x_{k+1} = A x_k + B u_k. For Q, R,
@@ -93,6 +94,7 @@ def minorant(plant: Plant, spec: Spec, P: Array, x: Array, u: Array, u_reach: Ar
     P : (n, n) weight of the last state
     x : (T + 1, n, c), u : (T, m, c) the tangent point (y, v)
     u_reach : broadcasts to (T, m, c), bounds |u_k| over the sequences that the minorant is meant for
+    start : (n, c) bounds |x_0| over the initial states that it is meant for; None for |y_0|
 
     Notes
     -----
@@ -109,7 +111,7 @@ def minorant(plant: Plant, spec: Spec, P: Array, x: Array, u: Array, u_reach: Ar
     offset = np.sum(weights * (x[:T] * (Q @ x[:T])), axis=(0, 1)) + np.sum(weights * (u * (R @ u)), axis=(0, 1)) + last
     absA, absB, absQ, absR = np.abs(A), np.abs(B), np.abs(Q), np.abs(R)
     reach = np.broadcast_to(np.abs(u_reach), u.shape)
-    states = reached(A, B, np.abs(x[0]), reach)
+    states = reached(A, B, np.abs(x[0]) if start is None else start, reach)
     sizes = absA.T @ np.abs(p[1:]) + 2 * weights * (absQ @ np.abs(x[:T]))
     input_sizes = absB.T @ np.abs(p[1:]) + 2 * weights * (absR @ np.abs(u))
     ends = 2 * beta**T * np.sum((np.abs(P) @ np.abs(x[T])) * states[T], axis=0)

@@ -24,10 +24,11 @@ _STIFFEST = 1e11  # barrier weights beyond this many times the cost's own are as
 
 @dataclass(frozen=True, eq=False)
 class Factors:
-    """Backward Riccati sweep per column: gains (T, c, m, n) and inverse input weights (T, c, m, m)."""
+    """Backward Riccati sweep per column: gains (T, c, m, n), inverse input weights (T, c, m, m), Hessian (c, n, n)."""
 
     gains: Array
     inverses: Array
+    hessian: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,10 +43,17 @@ class Interior:
         """Return some of the columns."""
         return Interior(self.u[:, :, kept], self.slack[:, :, kept], self.multipliers[:, :, kept])
 
+    def put(self, where: Array, columns: Interior) -> None:
+        """Overwrite some of the columns."""
+        for mine, theirs in zip((self.u, self.slack, self.multipliers),
+                                (columns.u, columns.slack, columns.multipliers), strict=True):
+            mine[:, :, where] = theirs
+
 
 def optimal_sequences(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array, x0: Array, T: int,
-                      tol: float = 1e-11) -> Array:
-    """Return input sequences (T, m, c) within `limits` that are optimal from the columns of x0 (n, c) up to `tol`.
+                      tol: float = 1e-11) -> Interior:
+    """Return sequences u (T, m, c) within `limits` that are optimal from the columns of x0 (n, c) up to `tol`, and their
+    multipliers.
 
     Mehrotra's predictor-corrector method on each column with its own step lengths, started at the middle of the limits;
     columns that are done, or come no nearer for rounding, are left alone. The gap that the relative `tol` is for is the
@@ -60,29 +68,32 @@ def optimal_sequences(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array
     >>> from inc_casadi import Box, Plant, Spec
     >>> plant, limits = Plant(1.0, 1.0), Box(-1, 1)
     >>> spec = Spec(Q=1.0, R=0.0, discount=1.0, initial=limits, inputs=limits)
-    >>> optimal_sequences(plant, spec, limits, np.eye(1), np.array([[0.5, 2.5]]), 2)[:, 0].T.round(6).tolist()
-    [[-0.5, -0.0], [-1.0, -1.0]]
+    >>> found = optimal_sequences(plant, spec, limits, np.eye(1), np.array([[0.5, 2.5]]), 2)
+    >>> found.u[:, 0].T.round(6).tolist(), found.multipliers[:, :, 1].round(6).tolist()
+    ([[-0.5, -0.0], [-1.0, -1.0]], [[0.0, 4.0], [0.0, 1.0]])
     """
     middle = limits.vertices.mean(axis=1)
     u = np.broadcast_to(middle[None, :, None], (T, plant.m, x0.shape[1])).copy()
     point = Interior(u, limits.h[:, None] - limits.H @ u, np.empty(0))
     point = replace(point, multipliers=_first_multipliers(plant, spec, limits, P, x0, point))
+    best = Interior(u, point.slack.copy(), point.multipliers.copy())
     active, least = np.arange(x0.shape[1]), np.full(x0.shape[1], np.inf)
     for _ in range(_ITERATIONS):
         x = rollout(plant.A, plant.B, x0[:, active], point.u)
         g = slopes(plant.B, spec.R, spec.discount, point.u, costates(plant.A, spec.Q, P, spec.discount, x))
-        costs = _costs(spec, P, x, point.u)
-        gaps, scale = _gaps(limits, g, point.u), costs + costs.mean()
+        now = costs(spec, P, x, point.u)
+        gaps, scale = _gaps(limits, g, point.u), now + now.mean()
         better = gaps < least[active]
         unfinished = (gaps > tol * scale) & (better | (least[active] > _GOOD * scale))
-        u[:, :, active[better]], least[active[better]] = point.u[:, :, better], gaps[better]
+        best.put(active[better], point.columns(better))
+        least[active[better]] = gaps[better]
         active = active[unfinished]
         if not active.size:
             break
         point = _newton(plant, spec, limits, P, point.columns(unfinished), g[:, :, unfinished])
         sound = np.all(np.isfinite(point.u), axis=(0, 1)) & np.all(point.slack > 0, axis=(0, 1))
         active, point = active[sound], point.columns(sound)
-    return u
+    return best
 
 
 def _first_multipliers(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array, x0: Array,
@@ -94,7 +105,8 @@ def _first_multipliers(plant: Plant, spec: Spec, limits: Box | Polytope, P: Arra
     return (scale + 1e-12 * (1 + scale.max(initial=0.0))) / point.slack
 
 
-def _costs(spec: Spec, P: Array, x: Array, u: Array) -> Array:
+def costs(spec: Spec, P: Array, x: Array, u: Array) -> Array:
+    """Return the costs (c,) of inputs u (T, m, c) that lead through the states x (T + 1, n, c)."""
     T = len(u)
     stage = np.sum(x[:T] * (spec.Q @ x[:T]), axis=1) + np.sum(u * (spec.R @ u), axis=1)
     return discount_powers(spec.discount, T)[:, 0, 0] @ stage + spec.discount**T * np.sum(x[T] * (P @ x[T]), axis=0)
@@ -111,7 +123,7 @@ def _newton(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array, point: I
     H, slack, multipliers = limits.H, point.slack, point.multipliers
     stiffest = _STIFFEST * float(np.linalg.norm(spec.R) + np.linalg.norm(plant.B.T @ P @ plant.B)) / np.sum(H**2)
     barrier = np.minimum(multipliers / slack, stiffest + np.min(multipliers / slack))
-    factors = _factor(plant, spec, P, H, barrier)
+    factors = factor(plant, spec, P, H, barrier)
     size = slack[:, :, 0].size
     gap = np.sum(slack * multipliers, axis=(0, 1)) / size
     ds = -(H @ _solve(plant, factors, g))
@@ -132,8 +144,8 @@ def _longest(value: Array, change: Array) -> Array:
     return 1 / np.maximum(worst, _TO_BOUNDARY)
 
 
-def _factor(plant: Plant, spec: Spec, P: Array, H: Array, barrier: Array) -> Factors:
-    # Riccati sweep of the quadratic model, where the barrier adds H' diag(barrier_k) H to the weight of the input.
+def factor(plant: Plant, spec: Spec, P: Array, H: Array, barrier: Array) -> Factors:
+    """Return the Riccati sweep of the cost where barrier (T, f, c) adds H'diag(barrier_k) H to the weight of the input."""
     n, m = plant.n, plant.m
     T, f, c = barrier.shape
     AB = np.hstack([plant.A, plant.B])
@@ -147,7 +159,7 @@ def _factor(plant: Plant, spec: Spec, P: Array, H: Array, barrier: Array) -> Fac
         across = joint[:, :n, n:]
         gains[k] = -inverses[k] @ across.transpose(0, 2, 1)
         value = joint[:, :n, :n] + weight * spec.Q + across @ gains[k]
-    return Factors(gains, inverses)
+    return Factors(gains, inverses, value)
 
 
 def _inverse(S: Array) -> Array:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
 from time import perf_counter
 
 import numpy as np
 
 from ..arrays import Array
+from ..blocks import exact
 from ..errors import InvalidInputError
 from ..figures import at_least
 from ..plant import Plant
 from ..spec import Spec
 from .bound import Bound
+from .exact_steps import second_moment, unproved_steps
 from .moves import UNIT
 
 # With R + beta B'PB scaled to a unit diagonal, eigenvalues up to here are zero: inputs that repeat one another.
@@ -111,6 +114,15 @@ class UnlimitedBound(Bound):
     def dual(self) -> tuple[float, float]:
         """Return tr(P S0) and its rounding allowance."""
         return weighed(value_iteration(self.plant, self.spec, self.steps)[0][-1], self.spec.initial.second_moment)
+
+    def exact_value(self) -> Fraction | str:
+        """Return tr(P S0) in Fractions, each step of value iteration settled exactly (`unproved_steps`), or why not."""
+        P, _ = value_iteration(self.plant, self.spec, self.steps)
+        trouble = unproved_steps(self.plant, self.spec, P)
+        S0 = second_moment(self.spec.initial)
+        if trouble or isinstance(S0, str):
+            return trouble or str(S0)
+        return Fraction(np.sum(exact(P[-1]) * S0))
 
 
 def weighed(P: Array, S0: Array) -> tuple[float, float]:

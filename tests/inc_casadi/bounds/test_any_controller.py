@@ -1,6 +1,7 @@
 """No controller whatever undercuts the bound, and published optimal costs are reached by it."""
 
 from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -8,7 +9,6 @@ from scipy.linalg import solve_discrete_are
 
 from inc_casadi import Box, Ellipsoid, Empirical, Gaussian, Plant, Polytope, Spec
 from inc_casadi.bounds import affine_moves, any_controller
-from inc_casadi.bounds.any_controller import cell_values
 from inc_casadi.bounds.value_iteration import value_iteration
 from inc_casadi.errors import DimensionError, InvalidInputError
 
@@ -49,26 +49,53 @@ def clipped_gain(limits, K):
     return law
 
 
+SATURATED = 1.36496190  # exact cost of the saturated regulator on the two-state plant, so no bound may exceed it
+
+
 def test_the_figures_of_the_two_state_plant():
     bound = any_controller(TWO_STATE, TWO_STATE_SPEC)
-    P, _ = value_iteration(TWO_STATE, TWO_STATE_SPEC, bound.steps)
-    (group,) = bound.sequences
-    centroids = bound.cells.centroids[:, group.members]
-    plain = cell_values(TWO_STATE, TWO_STATE_SPEC, P[-1 - len(group.u)], centroids, group.u)
-    assert plain.mean() == pytest.approx(1.36334, abs=1e-5)  # Jensen's inequality for V itself, 40 x 40 cells
-    assert 1.3639 < bound.value < 1.3649619  # and for V less its quadratic part; what the saturated regulator costs
-    assert bound.holds() and bound.value > affine_moves(TWO_STATE, TWO_STATE_SPEC, 1).value
+    assert 1.36485 < bound.value < SATURATED
+    assert bound.holds() and bound.prove() and bound.value > affine_moves(TWO_STATE, TWO_STATE_SPEC, 1).value
+    close = any_controller(TWO_STATE, TWO_STATE_SPEC, cells=3000, tol=1e-8)
+    assert 1.36496 < close.value < SATURATED and close.holds()
 
 
 def test_finer_cells_close_in_on_what_the_saturated_regulator_costs():
-    values = [any_controller(TWO_STATE, TWO_STATE_SPEC, cells=n * n).value for n in (10, 20, 40, 80)]
-    assert np.all(np.diff(values) > 0) and 1.3647 < values[-1] < 1.3649619
+    values = [any_controller(TWO_STATE, TWO_STATE_SPEC, cells=n, tol=0.0).value for n in (1, 50, 200, 800, 3200)]
+    assert np.all(np.diff(values) > 0)
+    gaps = SATURATED - np.array(values[2:])
+    assert np.all(gaps[1:] < gaps[:-1] / 8)  # faster than the square of the cells' size, which is one fourth
+
+
+def test_halving_ends_when_little_is_to_be_gained():
+    coarse, fine = (any_controller(TWO_STATE, TWO_STATE_SPEC, cells=5000, tol=tol) for tol in (1e-3, 1e-5))
+    assert coarse.cells.probabilities.size <= fine.cells.probabilities.size < 2500
+    assert SATURATED - fine.value < 3e-5 * SATURATED
+
+
+@pytest.mark.parametrize("name, n, m", [("tetrahedra", 3, 2), ("box", 4, 2), ("triangles", 2, 2)])
+def test_more_states_and_inputs_bounds_grow_and_stay_below_a_law(name, n, m):
+    rng = np.random.default_rng(n)
+    A = rng.standard_normal((n, n))
+    A *= 1.02 / np.max(np.abs(np.linalg.eigvals(A)))
+    initial = Box(-np.linspace(0.5, 1, n), np.linspace(0.7, 0.4, n)) if name == "box" else \
+        Polytope.from_vertices(rng.standard_normal((n, n + 4)))
+    spec = Spec(np.eye(n), np.diag([0.1, 0.0]), 0.9, initial, Box([-0.4, -0.3], [0.2, 0.5]))
+    plant = Plant(A, rng.standard_normal((n, m)))
+    bounds = [any_controller(plant, spec, cells=cells, tol=0.0) for cells in (1, 100, 400, 1600)]
+    values = [bound.value for bound in bounds]
+    assert np.all(np.diff(values) > 0) and bounds[1].holds() and bounds[1].prove()
+    _, K = value_iteration(plant, spec, 200)
+    states = spec.initial.sample(20_000, rng)
+    costs = simulated(plant, spec, clipped_gain(spec.inputs, K), states, 150)
+    assert values[-1] < costs.mean() + 4 * costs.std() / np.sqrt(costs.size)
+    assert np.diff(values)[-1] < 0.2 * np.diff(values)[0]
 
 
 @pytest.mark.parametrize("beta, r", [(1.0, 0.0), (0.6, 0.0), (0.6, 0.2)])
 def test_the_optimum_of_the_scalar_plant(beta, r):
     spec = Spec(1.0, r, beta, Box(-1, 1), Box(-1, 1))
-    bound = any_controller(Plant(1.5, 1.0), spec, cells=3000)
+    bound = any_controller(Plant(1.5, 1.0), spec, cells=400)
     if r == 0:  # u = -sat(1.5 x) reaches the origin as fast as can be, thm:longrun_dyn
         assert 1 / 3 + beta / 36 - 1e-6 < bound.value <= 1 / 3 + beta / 36
     nodes = (np.arange(20_000) + 0.5) / 10_000 - 1
@@ -95,7 +122,8 @@ def test_the_constrained_optimum_of_the_double_integrator_is_below_the_saturated
     bound = any_controller(plant, spec)
     assert bound.value == pytest.approx(938.672482, rel=1e-8)  # a quadratic program over 150 moves
     assert saturated == pytest.approx(941.975375, rel=1e-8)
-    assert bound.holds() and len(bound.sequences[-1].u) > 10  # ten moves do not lead back to where limits are not met
+    assert bound.prove()
+    assert bound.holds() and len(bound.trials[-1].u) > 10  # ten moves do not lead back to where limits are not met
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -126,35 +154,73 @@ def test_every_distribution_is_bounded_closely(initial):
     assert bound.value > 0.98 * costs.mean()
 
 
-def test_any_sequences_prove_something_lower():
+def test_any_trial_inputs_prove_something_lower():
     plant, spec = draw(1)
     bound = any_controller(plant, spec, cells=64)
-    (group,) = bound.sequences
+    (group,) = bound.trials
     rng = np.random.default_rng(0)
     for u in (group.u + 1e-2 * rng.standard_normal(group.u.shape), 3 * rng.standard_normal(group.u.shape), 0 * group.u):
-        worse = replace(bound, sequences=(replace(group, u=u),))
-        assert worse.dual()[0] < bound.value and not worse.holds()
-        assert replace(worse, value=worse.dual()[0] - worse.dual()[1]).holds()
-    without = replace(bound, sequences=())
+        worse = replace(bound, trials=(replace(group, u=u),))
+        assert worse.dual()[0] < bound.value and not worse.holds() and not worse.prove()
+        lower = replace(worse, value=worse.dual()[0] - worse.dual()[1])
+        assert lower.holds() and lower.prove()
+    without = replace(bound, trials=())
     assert without.dual()[0] < bound.value  # then the unlimited optimum is all that is known
+    assert float(without.exact_value()) == pytest.approx(without.dual()[0], rel=1e-12)
 
 
 def test_altered_numbers_are_refused():
     plant, spec = draw(2)
     bound = any_controller(plant, spec, cells=27)
-    assert bound.holds() and replace(bound, value=bound.value - 1).holds()
-    assert not replace(bound, value=bound.value * (1 + 1e-9)).holds()
-    assert not replace(bound, value=float("inf")).holds()
-    assert not replace(bound, cells=replace(bound.cells, centroids=1.2 * bound.cells.centroids)).holds()
+    (group,) = bound.trials
     scalar = any_controller(Plant(1.5, 1.0), Spec(1.0, 0.1, 1.0, Box(-1, 1), Box(-1, 1)), cells=50)
-    assert scalar.holds() and not replace(scalar, spec=replace(scalar.spec, inputs=Box(-1.2, 1.2))).holds()
+    assert bound.holds() and bound.prove() and replace(bound, value=bound.value - 1).prove()
+    twice = bound.cells.record.more(np.array([0]), np.array([0]))  # the root was cut before
+    for fake in (replace(bound, value=bound.value * (1 + 1e-9)),
+                 replace(bound, trials=(replace(group, G=1.1 * group.G),)),
+                 replace(bound, trials=(replace(group, u=np.nan * group.u),)),
+                 replace(bound, trials=(replace(group, members=group.members + 1),)),
+                 replace(bound, trials=(replace(group, G=group.G[:, :, :2]),)),
+                 replace(bound, steps=5),
+                 replace(bound, cells=replace(bound.cells, record=twice)),
+                 replace(scalar, spec=replace(scalar.spec, inputs=Box(-1.2, 1.2)))):
+        assert not fake.holds() and not fake.prove()
+    assert not replace(bound, value=float("inf")).holds()
 
 
 def test_cells_of_another_distribution_are_refused():
     wide = any_controller(TWO_STATE, replace(TWO_STATE_SPEC, initial=Box([-1.2, -1.2], [1.2, 1.2])), cells=100)
     fake = replace(wide, spec=TWO_STATE_SPEC)
     fake = replace(fake, value=fake.dual()[0] - fake.dual()[1])
-    assert fake.value > 1.3649619 and not fake.holds()  # more than a law that exists
+    assert fake.value > SATURATED and not fake.holds() and not fake.prove()  # more than a law that exists
+
+
+@pytest.mark.parametrize("initial, inputs, discount", [
+    (Empirical(np.random.default_rng(1).standard_normal((N, 6)), [1, 2, 3, 4, 0, 6]), None, 0.9),
+    (Polytope.from_vertices(np.random.default_rng(2).standard_normal((N, 6))), Box([-0.3, -0.1], [0.6, 0.5]), 1.0),
+    (None, Box([-0.3, -0.4], [0.6, 0.1]), 1.0), (None, None, 0.7),
+], ids=["points", "simplices", "box", "polytopic limits"])
+def test_it_is_proved_in_exact_arithmetic(initial, inputs, discount):
+    plant, spec = draw(7, initial, inputs, 0.97)
+    spec = replace(spec, discount=discount)
+    for R in (spec.R, np.diag([0.0, 0.2]), np.zeros((M, M))):
+        bound = any_controller(plant, replace(spec, R=R), cells=40)
+        exactly = bound.exact_value()
+        assert isinstance(exactly, Fraction) and 0 < float(exactly) - bound.value < 1e-9 * bound.value
+        assert bound.prove() and not replace(bound, value=float(exactly) * (1 + 1e-15)).prove()
+
+
+@pytest.mark.parametrize("initial, word", [(Gaussian([0.1, -0.2], np.eye(2)), "Gaussian"),
+                                           (Ellipsoid(np.eye(2)), "Ellipsoid")])
+def test_what_cannot_be_settled_exactly_says_why(initial, word):
+    bound = any_controller(TWO_STATE, replace(TWO_STATE_SPEC, initial=initial), cells=20)
+    assert bound.holds() and not bound.prove() and word in bound.prove().reason
+
+
+def test_a_weight_that_rounding_made_indefinite_is_not_proved():
+    tilted = np.array([[1.0, 1.0], [1.0, 1.0 - 2**-52]])
+    bound = any_controller(TWO_STATE, replace(TWO_STATE_SPEC, Q=tilted), cells=20)
+    assert bound.holds() and "Q has a negative eigenvalue" in bound.prove().reason
 
 
 def test_the_horizon_is_what_is_asked_and_a_longer_one_proves_more():
@@ -162,7 +228,7 @@ def test_the_horizon_is_what_is_asked_and_a_longer_one_proves_more():
     spec = Spec(np.eye(2), 1.0, 1.0, known, Box(-1, 1))
     plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.5], [1.0]])
     bounds = [any_controller(plant, spec, horizon=T) for T in (1, 5, 10, 20, 40)]
-    assert [len(bound.sequences[0].u) for bound in bounds] == [1, 5, 10, 20, 40]
+    assert [len(bound.trials[0].u) for bound in bounds] == [1, 5, 10, 20, 40]
     values = [bound.value for bound in bounds]
     assert np.all(np.diff(values) > -1e-8 * values[-1]) and values[0] < 0.5 * values[-1]
     assert any_controller(plant, spec).value == pytest.approx(values[-1], rel=1e-8)
@@ -220,6 +286,8 @@ def test_refusals_name_the_reason():
         any_controller(plant, spec, cells=0)
     with pytest.raises(InvalidInputError, match="horizon must be at least 1"):
         any_controller(plant, spec, horizon=0)
+    with pytest.raises(InvalidInputError, match="tol"):
+        any_controller(plant, spec, tol=-1e-3)
     with pytest.raises(DimensionError):
         any_controller(TWO_STATE, spec)
 

@@ -98,3 +98,12 @@ def test_no_trajectory_leaves_what_is_said_to_be_reached(radius):
     first = np.sign(np.linalg.matrix_power(A, T)[0])
     x = rollout(A, plant.B, start * first[:, None], reach.max(axis=0) * push[:, :, None])
     np.testing.assert_allclose(x[-1, 0], same[-1, 0], rtol=1e-12)
+
+
+def test_the_slack_is_for_all_states_that_one_may_start_from():
+    plant, spec, P, rng = draw(6)
+    x0, u = rng.standard_normal((N, 1)), rng.uniform(-1, 1, (T, M, 1))
+    x = rollout(plant.A, plant.B, x0, u)
+    alone, far = minorant(plant, spec, P, x, u, 1.0), minorant(plant, spec, P, x, u, 1.0, 100 * np.abs(x0))
+    assert minorant(plant, spec, P, x, u, 1.0, np.abs(x0)).slack == alone.slack
+    assert 10 * alone.slack < far.slack and np.array_equal(alone.inputs, far.inputs)

@@ -6,7 +6,7 @@ from scipy.optimize import lsq_linear
 
 from inc_casadi import Box, Plant, Polytope, Spec
 from inc_casadi.bounds.moves import rollout
-from inc_casadi.bounds.sequences import optimal_sequences
+from inc_casadi.bounds.sequences import factor, optimal_sequences
 
 N, M, T, C = 3, 2, 7, 5
 STATES = Box(-np.ones(N), np.ones(N))
@@ -41,7 +41,7 @@ def least_squares(plant, spec, P, x0):
 def test_bounded_least_squares_agrees(seed):
     limits = Box([-0.5, -1.0], [0.7, 0.3])
     plant, spec, P, x0 = draw(seed, limits)
-    u = optimal_sequences(plant, spec, limits, P, x0, T)
+    u = optimal_sequences(plant, spec, limits, P, x0, T).u
     assert np.all(limits.contains(u.transpose(1, 0, 2).reshape(M, -1)))
     for i in range(C):
         F, g = least_squares(plant, spec, P, x0[:, i])
@@ -54,7 +54,7 @@ def test_bounded_least_squares_agrees(seed):
 def test_no_direction_within_a_polytope_leads_downhill(seed):
     limits = Polytope.from_vertices([[-0.5, 0.8, 0.1], [-0.4, -0.2, 0.9]])
     plant, spec, P, x0 = draw(seed, limits)
-    u = optimal_sequences(plant, spec, limits, P, x0, T)
+    u = optimal_sequences(plant, spec, limits, P, x0, T).u
     assert np.all(limits.contains(u.transpose(1, 0, 2).reshape(M, -1)))
     for i in range(C):
         F, g = least_squares(plant, spec, P, x0[:, i])
@@ -68,15 +68,41 @@ def test_many_columns_and_a_state_at_the_origin():
     plant, spec, P, _ = draw(9, limits)
     x0 = np.random.default_rng(0).uniform(-3, 3, (N, 500))
     x0[:, 7] = 0.0
-    u = optimal_sequences(plant, spec, limits, P, x0, T)
+    u = optimal_sequences(plant, spec, limits, P, x0, T).u
     assert np.all(np.isfinite(u)) and np.max(np.abs(u[:, :, 7])) < 1e-4
-    alone = optimal_sequences(plant, spec, limits, P, x0[:, 3:4], T)
+    alone = optimal_sequences(plant, spec, limits, P, x0[:, 3:4], T).u
     np.testing.assert_allclose(u[:, :, 3:4], alone, atol=1e-5)
 
 
 def test_by_hand_without_cost_of_inputs():
     limits, spec = Box(-1, 1), Spec(1.0, 0.0, 1.0, Box(-1, 1), Box(-1, 1))
-    u = optimal_sequences(Plant(1.5, 1.0), spec, limits, np.eye(1), np.array([[0.5, -1.8]]), 3)
+    u = optimal_sequences(Plant(1.5, 1.0), spec, limits, np.eye(1), np.array([[0.5, -1.8]]), 3).u
     x = rollout(np.array([[1.5]]), np.array([[1.0]]), np.array([[0.5, -1.8]]), u)
     np.testing.assert_allclose(x[:, 0, 0], [0.5, 0, 0, 0], atol=1e-5)
     np.testing.assert_allclose(x[:, 0, 1], [-1.8, -1.7, -1.55, -1.325], atol=1e-5)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_multipliers_balance_the_slopes_of_the_cost(seed):
+    limits = Polytope.from_vertices([[-0.5, 0.8, 0.1], [-0.4, -0.2, 0.9]])
+    plant, spec, P, x0 = draw(seed, limits)
+    found = optimal_sequences(plant, spec, limits, P, x0, T)
+    for i in range(C):
+        F, g = least_squares(plant, spec, P, x0[:, i])
+        slope = 2 * F.T @ (F @ found.u[:, :, i].ravel() + g)
+        pushed = (limits.H.T @ found.multipliers[:, :, i].T).T.ravel()
+        np.testing.assert_allclose(pushed, -slope, atol=1e-5 * np.abs(slope).max())
+        distance = limits.h - found.u[:, :, i] @ limits.H.T
+        np.testing.assert_allclose(found.slack[:, :, i], distance, atol=1e-9)
+        assert np.max(found.multipliers[:, :, i] * distance) < 1e-6 * np.sum((F @ found.u[:, :, i].ravel() + g) ** 2)
+
+
+def test_the_sweep_knows_the_curvature_of_the_least_cost():
+    limits = Box([-50.0, -50.0], [50.0, 50.0])
+    plant, spec, P, x0 = draw(4, limits)
+    factors = factor(plant, spec, P, limits.H, np.full((T, 4, 1), 1e-13))
+    for i in range(2):
+        F, g = least_squares(plant, spec, P, x0[:, i])
+        free = np.linalg.lstsq(F, -g, rcond=None)[0]
+        assert x0[:, i] @ factors.hessian[0] @ x0[:, i] / 2 == pytest.approx(np.sum((F @ free + g) ** 2), rel=1e-9)
+        np.testing.assert_allclose(factors.gains[0, 0] @ x0[:, i], free[:M], rtol=1e-7)

@@ -1,13 +1,15 @@
 """Value iteration from zero: the least cost of finitely many steps, never above it, and in the limit Riccati."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from inc_casadi import Box, Gaussian, Plant, Spec
+from inc_casadi import Box, Ellipsoid, Empirical, Gaussian, Plant, Polytope, Spec
 from inc_casadi.blocks import exact
+from inc_casadi.bounds.exact_steps import second_moment, unproved_steps
 from inc_casadi.bounds.value_iteration import settled_steps, step, unlimited, value_iteration
 
 N, M = 3, 2
@@ -114,3 +116,50 @@ def test_one_step_lowers_by_no_more_than_rounding():
     best = spec.Q + K.T @ spec.R @ K + spec.discount * (plant.A + plant.B @ K).T @ (plant.A + plant.B @ K)
     gap = np.linalg.eigvalsh(best - after)
     assert 0 < gap[0] and gap[-1] < 1e-12 * np.linalg.norm(best)
+
+
+@pytest.mark.parametrize("discount", [0.9, 1.0])
+def test_the_bound_is_proved_and_the_exact_value_is_a_little_higher(discount):
+    plant, spec = draw(6, discount)
+    bound = unlimited(plant, spec)
+    exactly = bound.exact_value()
+    assert isinstance(exactly, Fraction) and 0 < float(exactly) - bound.value < 1e-11 * bound.value
+    assert bound.prove() and not replace(bound, value=bound.value * (1 + 1e-10)).prove()
+
+
+@pytest.mark.parametrize("R", [0.0, 0.3])
+def test_weights_without_rank_are_settled_too(R):
+    spec = Spec(np.diag([1.0, 0.0]), R, 0.9, Box([-1, -1], [1, 1]))  # the second state costs nothing by itself
+    bound = unlimited(Plant([[1.0, 1.0], [0.0, 1.0]], [[0.5], [1.0]]), spec)
+    assert bound.prove()
+    cancelled = unlimited(Plant(1.5, 1.0), Spec(2.0, 0.0, 1.0, Box(-1, 1)))
+    assert cancelled.prove() and float(cancelled.exact_value()) == pytest.approx(2 / 3)
+
+
+def test_steps_that_were_raised_are_found_out():
+    plant, spec = draw(1)
+    P, _ = value_iteration(plant, spec, 12)
+    assert unproved_steps(plant, spec, P) == ""
+    for j in (1, 5, 12):
+        raised = P.copy()
+        raised[j] += 1e-9 * np.eye(N)
+        assert unproved_steps(plant, spec, raised) == f"step {j} of value iteration is not a lower bound"
+    P[0, 0, 0] = 1e-300
+    assert "start from zero" in unproved_steps(plant, spec, P)
+
+
+def test_a_weight_that_rounding_made_indefinite_is_not_proved():
+    tilted = np.array([[1.0, 1.0], [1.0, 1.0 - 2**-52]])
+    bound = unlimited(Plant(np.eye(2) / 2, [[1.0], [0.0]]), Spec(tilted, 1.0, 1.0, Box([-1, -1], [1, 1])))
+    assert "Q has a negative eigenvalue" in bound.prove().reason
+
+
+@pytest.mark.parametrize("initial", [
+    Box([-1, 0], [0.5, 3]), Gaussian([0.3, -1], [[2.0, 0.3], [0.3, 1.0]]), Ellipsoid([[2.0, 0.3], [0.3, 1.0]], [1, 2], 3.0),
+    Empirical([[1.0, 2.0, 0.1], [0.0, -1.0, 0.7]], [0.1, 0.3, 0.6]), Polytope.from_vertices([[0, 1, 0.3], [0, 0.1, 1.7]]),
+], ids=["box", "gaussian", "ellipsoid", "points", "polytope"])
+def test_second_moments_are_fractions_near_the_floats(initial):
+    spec = Spec(np.eye(2), 1.0, 1.0, initial)
+    found = second_moment(spec.initial)
+    assert all(isinstance(entry, Fraction) for entry in found.flat)
+    np.testing.assert_allclose(found.astype(float), spec.initial.second_moment, rtol=1e-13)
