@@ -1,1 +1,1 @@
-"""The paper's figures recomputed, and how fast that goes: `python -m benchmarks paper`, `speed` or `main`."""
+"""The paper's figures, bounds on a suite of plants, and speed: `python -m benchmarks paper`, `bounds`, `speed`, `main`."""

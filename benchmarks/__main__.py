@@ -1,27 +1,34 @@
-"""`python -m benchmarks paper | speed [certify | pieces] | main`: print a table; status 1 where a target is missed."""
+"""`python -m benchmarks paper | bounds | speed [certify | pieces] | main`: a table; status 1 where a target is missed."""
 
 from __future__ import annotations
 
 import argparse
 import sys
 
-from . import paper, speed
+from inc_casadi.errors import InvalidInputError
+
+from . import bounds, paper, speed
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Print the table that is asked for and return the exit status.
 
-    paper: the paper's figures beside computed ones; speed: all measurements but two. `speed certify` measures the search for
-    certificates against CVXPY with Clarabel in some minutes, `speed pieces` exact walks against n, m and q in one. main: the
-    main job alone.
+    paper: the paper's figures beside computed ones, and its two pictures of separation where --figures says. bounds: for
+    every plant of the suite, or one, lower bounds of classes of controllers beside the costs of the best found, in some
+    minutes; status 1 where a bound exceeds a certified cost of its class. speed: all measurements but two. `speed certify`
+    measures the search for certificates against CVXPY with Clarabel in some minutes, `speed pieces` exact walks against n,
+    m and q in one. main: the main job alone.
     """
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("what", choices=("paper", "speed", "main"))
+    parser.add_argument("what", choices=("paper", "bounds", "speed", "main"))
     parser.add_argument("part", nargs="?", choices=("certify", "pieces"), help="of speed: one measurement alone")
+    parser.add_argument("--figures", metavar="DIR", help="of paper: a folder to draw its pictures of separation into")
+    parser.add_argument("--plant", metavar="NAME", help="of bounds: one plant of the suite alone")
     options = parser.parse_args(arguments)
     what = options.what
-    if options.part and what != "speed":
-        parser.error(f"{what} has no part {options.part!r}")
+    for value, place in ((options.part, "speed"), (options.figures, "paper"), (options.plant, "bounds")):
+        if value is not None and what != place:
+            parser.error(f"{what} has no part {value!r}")
     if options.part == "certify":
         rows = speed.certification()
         print(speed.certification_table(rows), end="\n\n")
@@ -31,15 +38,27 @@ def main(arguments: list[str] | None = None) -> int:
     if options.part == "pieces":
         print(speed.pieces_table(speed.pieces()))
         return 0
+    if what == "bounds":
+        try:
+            return bounds.report(bounds.lines(bounds.chosen(options.plant)))
+        except InvalidInputError as error:
+            parser.error(str(error))
     if what == "paper":
-        figures = paper.all_rows()
-        print(paper.report(figures))
-        return int(not all(row.agrees for row in figures))
+        return _paper(options.figures)
     measured = speed.main_job()
     if what == "speed":
         measured = [*speed.imports(), *speed.exact_cost(), *measured, *speed.evaluation()]
     print(speed.table(measured))
     return int(any(one.verdict == "MISS" for one in measured))
+
+
+def _paper(folder: str | None) -> int:
+    figures = paper.all_rows()
+    print(paper.report(figures))
+    if folder is not None:
+        for path in paper.draw_all(folder):
+            print(f"drawn: {path}")
+    return int(not all(row.agrees for row in figures))
 
 
 if __name__ == "__main__":

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from benchmarks.plants.paper import Case, output_feedback, scalar
 from inc_casadi import INC, Regional, bounds, certify
+from inc_casadi.bounds.scalar import ScalarSeparation
 from inc_casadi.linear.static_gain import best_static_gain
 
 from .row import Row, formula
 
 DISCOUNTS, INPUT_COSTS = (0.5, 0.9, 1.0), (0.0, 0.1)
+CLOSED = "closed form, ScalarSeparation"
+BEYOND = ((0.5, 0.4), (0.9, 0.9), (1.0, 3.0))  # discounts and input costs above discount/2, which the theorem leaves out
 
 
 def rows() -> list[Row]:
@@ -19,6 +22,8 @@ def rows() -> list[Row]:
             out += _state_input(beta, r)
         out.append(_static_gain(beta))
         out.append(_threshold(beta))
+    for beta, r in BEYOND:
+        out += _beyond(beta, r)
     return out + _embedding()
 
 
@@ -67,6 +72,18 @@ def _threshold(beta: float) -> Row:
     crossing = INPUT_COSTS[0] + (INPUT_COSTS[1] - INPUT_COSTS[0]) * gaps[0] / (gaps[0] - gaps[1])
     return Row(f"separation for r below, beta = {beta:g}", formula(8 * beta / (32 + 9 * beta), 6), crossing,
                "eq:r_threshold")
+
+
+def _beyond(beta: float, r: float) -> list[Row]:
+    """Where the input costs more than thm:input_penalty_sep covers: the closed forms against the computed figures."""
+    case, closed, here = scalar(beta, r), ScalarSeparation(beta, r), f"beta = {beta:g}, r = {r:g}"
+    return [
+        Row(f"linear controllers at least, {here}", formula(float(closed.dynamic_linear), 7),
+            float(bounds.first_move(case.plant, case.spec)), CLOSED),
+        Row(f"best static gain, {here}", formula(float(closed.static_linear)), best_static_gain(case.plant, case.spec).cost,
+            CLOSED),
+        Row(f"two-ReLU law, {here}", formula(float(closed.relu_law), 7), exact_cost(case, two_relu_law()), CLOSED),
+    ]
 
 
 def _embedding() -> list[Row]:
