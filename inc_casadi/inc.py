@@ -156,6 +156,20 @@ class INC:
         from .mpc import MPC
         return MPC(plant, Q, R, horizon, inputs, terminal, discount).inc()
 
+    @classmethod
+    def from_affine_pieces(cls, pieces: Any, tol: float | None = None, saturations: bool = False) -> INC:
+        """Return a continuous piecewise-affine law exactly, with few ReLU units and W strictly triangular (prop:pwa_relu).
+
+        pieces: of (Box or Polytope in R^p, gain (m, p), offset (m,)) that fill a convex set, or what `regions` returned;
+        tol, saturations, and what is refused: see `affine_pieces.represent`, which also tells how exact it is.
+
+        >>> left, right = (Box([-2.0], [0.0]), [[-1.0]], [0.0]), (Box([0.0], [2.0]), [[1.0]], [0.0])
+        >>> INC.from_affine_pieces([left, right])([[-1.5, 0.5]]).tolist()
+        [[1.5, 0.5]]
+        """
+        from .affine_pieces import represent
+        return represent(pieces, tol, saturations).inc
+
     def with_saturated_output(self, limits: Box) -> INC:
         """Return the law whose output is this one's, clipped to the box; one more saturation unit per input.
 
