@@ -22,6 +22,7 @@ from .claims import (
     Stability,
     Together,
 )
+from .comparison import compare
 from .errors import INCError
 from .inc import INC
 from .interchange import load, save
@@ -35,7 +36,7 @@ from .pieces.regions import regions
 from .pieces.scale import largest_scale
 from .pieces.walk import Budget
 from .plant import Plant
-from .sets import Box, Ellipsoid, Empirical, Gaussian, Polytope, Uniform
+from .sets import Box, Ellipsoid, Empirical, Gaussian, Moments, Polytope, Uniform
 from .simulate import simulate
 from .spec import Spec
 from .uncertainty import InputSector, NormBounded
@@ -43,8 +44,8 @@ from .uncertainty import InputSector, NormBounded
 __all__ = [
     "Attraction", "Box", "Budget", "CenteredLogistic", "Certificate", "DeviationCost", "DiscountedCost", "Ellipsoid",
     "Empirical", "Gaussian", "INC", "INCError", "Identity", "InputSector", "Invariance", "L2Gain", "LeakyReLU", "Lifted",
-    "Logistic", "MPC", "Margins", "NormBounded", "Plant", "Polytope", "Polytopic", "ReLU", "Regional", "Robust",
-    "Saturation", "Spec", "Stability", "Tanh", "Together", "Uniform", "admissible_set", "bounds", "certify", "close_loop",
+    "Logistic", "MPC", "Margins", "Moments", "NormBounded", "Plant", "Polytope", "Polytopic", "ReLU", "Regional", "Robust",
+    "Saturation", "Spec", "Stability", "Tanh", "Together", "Uniform", "admissible_set", "bounds", "certify", "close_loop", "compare",
     "equilibrium", "errors", "largest_difference", "largest_scale", "load", "reachable", "region_of_attraction",
     "regions", "save", "simulate",
 ]

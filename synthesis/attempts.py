@@ -11,11 +11,11 @@ import numpy as np
 from inc_casadi import INC, Box, Plant, Spec
 from inc_casadi.activations import Activation
 from inc_casadi.errors import INCError
+from inc_casadi.estimate import estimate
 from inc_casadi.linear.regulator import discounted_lqr
 from inc_casadi.linear.static_gain import best_static_gain
 from inc_casadi.pieces.walk import Budget
 
-from .estimate import estimate
 from .gate import gate
 from .result import Attempt
 from .starts.random_start import linear_start, random_start

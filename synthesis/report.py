@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from inc_casadi.comparison.statements import clauses
 from inc_casadi.figures import at_least, at_most
 from inc_casadi.regional_certificate import RegionalCertificate
 
+from .comparison import THIS
 from .result import CERTIFIED, Result
 
 WIDTH = 43
@@ -33,19 +35,10 @@ def table(result: Result) -> str:
 
 def verdict_sentence(result: Result) -> str:
     """Return the theorem-like sentence that certified cost and lower bounds give together, or nothing."""
-    if result.status != CERTIFIED or not result.bounds:
+    if result.status != CERTIFIED:
         return ""
-    parts = []
-    linear = [bound for name, bound in result.bounds.items() if "linear" in name and bound.holds()]
-    if linear and max(map(float, linear)) > result.cost:
-        parts.append(f"every admissible finite-order linear controller costs at least "
-                     f"{at_least(max(map(float, linear)))}, this one at most {at_most(result.cost)}")
-    anyone = [bound for name, bound in result.bounds.items() if "any" in name and bound.holds()]
-    if anyone and float(anyone[0]) > 0:
-        gap = 100 * (result.cost / float(anyone[0]) - 1)
-        parts.append(f"no controller whatever costs less than {at_least(float(anyone[0]))}, so this one is within "
-                     f"{at_most(gap, 2)} % of the best possible")
-    return ("Proved: " + "; ".join(parts) + ".") if parts else ""
+    found = clauses(result.comparison(), THIS, THIS)
+    return (("Proved: " if result.proof else "In floating point: ") + "; ".join(found) + ".") if found else ""
 
 
 def _rigour(result: Result) -> list[tuple[str, str]]:

@@ -12,10 +12,11 @@ import numpy as np
 from inc_casadi import INC, Plant, Spec
 from inc_casadi.bounds import Bound
 from inc_casadi.certificate import Certificate, Proof
+from inc_casadi.comparison import Comparison
 from inc_casadi.errors import NotCertifiedError
+from inc_casadi.estimate import Estimate
 from inc_casadi.regional_certificate import RegionalCertificate
 
-from .estimate import Estimate
 from .gate import Verdict
 
 CERTIFIED, EVIDENCE, FAILED = "certified", "simulation evidence", "failed"
@@ -99,6 +100,11 @@ class Result:
     def __str__(self) -> str:
         from .report import table
         return table(self)
+
+    def comparison(self) -> Comparison:
+        """Return the controller beside its lower bounds: separations, distance to the best possible, contradictions."""
+        from .comparison import compared
+        return compared(self)
 
     def plot(self, path: str | Path | None = None) -> Any:
         """Return a Matplotlib figure of trajectories, inputs, regions and bounds; written to `path` when given."""

@@ -16,15 +16,15 @@ from inc_casadi.arrays import number
 from inc_casadi.bounds import Bound
 from inc_casadi.certificate import Certificate, Proof
 from inc_casadi.errors import INCError, InfeasibleError, InvalidInputError, NotStabilizableError
+from inc_casadi.estimate import estimate
 from inc_casadi.figures import at_least, at_most
 from inc_casadi.plant import as_plant
 
 from .attempts import Task, attempt, plan
 from .competitors import linear_competitors
-from .estimate import estimate
 from .result import Attempt, Result
 
-CELLS = 10_000
+CELLS = 3_000
 
 Say = Callable[[str], None]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchmarks.baselines import saturated_lqr
 from benchmarks.plants import two_state
 from inc_casadi import Regional, certify
-from synthesis.estimate import estimate
+from inc_casadi.estimate import estimate
 
 from .measurement import Measurement, repeated
 

@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from inc_casadi import Spec
+from inc_casadi.estimate import estimate
 from inc_casadi.pieces.cell_walk import CellWalk, cell_walk
 from inc_casadi.pieces.walk import Budget, walk
 from inc_casadi.regional_certificate import RegionalCertificate, certify_region
-from synthesis.estimate import estimate
 
 from .pieces_cases import Case, cases
 

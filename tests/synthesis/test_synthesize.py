@@ -74,7 +74,7 @@ def test_the_cheapest_certified_attempt_is_taken(quick):
 def test_the_table_says_what_an_engineer_asks(quick):
     text = str(quick)
     for words in ("CERTIFIED", "input limits kept", "converges from every initial state", "certified expected cost",
-                  "certified worst cost", "standard error", "lower bound", "time", "every admissible finite-order linear",
+                  "certified worst cost", "standard error", "lower bound", "time", "every admissible finite-order dynamic linear",
                   "no controller whatever"):
         assert words in text, words
 

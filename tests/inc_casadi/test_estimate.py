@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from inc_casadi import INC, Box, Empirical, Plant, Spec
-from synthesis.estimate import estimate
+from inc_casadi.estimate import estimate
 
 
 def test_mean_and_error_of_a_scalar_loop():

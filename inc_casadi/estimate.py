@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from inc_casadi import INC, Plant, Spec
-from inc_casadi.arrays import Array
-from inc_casadi.simulate import quadratic
+from .arrays import Array
+from .plant import Plant
+from .simulate import quadratic
+from .spec import Spec
 
+Law = Callable[[Array], Array]
 DIVERGED = 1e8
 NEGLIGIBLE = 1e-10
 WATCHED = 500
@@ -34,12 +37,14 @@ class Estimate:
     settled: bool
 
 
-def estimate(plant: Plant, inc: INC, spec: Spec, *, samples: int = 20_000, seed: int = 0, steps: int = 3_000) -> Estimate:
+def estimate(plant: Plant, law: Law, spec: Spec, *, samples: int = 20_000, seed: int = 0, steps: int = 3_000) -> Estimate:
     """Return the simulated cost of a law from seeded samples of the initial distribution, in discrete time.
 
     Motions are followed until the stage cost still to come is negligible, diverges, or `steps` are over.
 
-    >>> from inc_casadi import Box
+    law: an INC, or anything that answers columns of measurements y (p, N) with columns of inputs u (m, N).
+
+    >>> from inc_casadi import INC, Box
     >>> spec = Spec([[1.0]], [[0.0]], 1.0, Box([-1.0], [1.0]))
     >>> run = estimate(Plant([[0.5]], [[1.0]]), INC.linear([[0.0]]), spec, samples=2000)
     >>> abs(run.mean - 4 / 9) < 4 * run.standard_error
@@ -50,7 +55,7 @@ def estimate(plant: Plant, inc: INC, spec: Spec, *, samples: int = 20_000, seed:
     total, weight, excess, settled = np.zeros(samples), 1.0, -np.inf, False
     step = 0
     for step in range(1, steps + 1):
-        u = inc(plant.C @ x)
+        u = law(plant.C @ x)
         if spec.inputs is not None:
             excess = max(excess, float(np.max(spec.inputs.H @ u - spec.inputs.h[:, None])))
         stage = weight * (quadratic(spec.Q, x) + quadratic(spec.R, u))
@@ -61,16 +66,16 @@ def estimate(plant: Plant, inc: INC, spec: Spec, *, samples: int = 20_000, seed:
             return Estimate(np.inf, np.inf, np.inf, excess, samples, step, False)
         # A geometric tail no slower than 0.99 per step is below a hundred such stages.
         if np.max(stage) * 100 <= NEGLIGIBLE * max(float(total.mean()), 1e-300):
-            settled = _comes_to_rest(plant, inc, x[:, :WATCHED], size, steps)
+            settled = _comes_to_rest(plant, law, x[:, :WATCHED], size, steps)
             break
     error = float(total.std(ddof=1) / np.sqrt(samples))
     return Estimate(float(total.mean()), error, float(total.max()), excess, samples, step, settled)
 
 
-def _comes_to_rest(plant: Plant, inc: INC, x: Array, size: float, steps: int) -> bool:
+def _comes_to_rest(plant: Plant, law: Law, x: Array, size: float, steps: int) -> bool:
     """Whether the last motion of some samples dies out: a step moves less than a millionth of where they began."""
     for _ in range(steps):
-        after = plant.A @ x + plant.B @ inc(plant.C @ x)
+        after = plant.A @ x + plant.B @ law(plant.C @ x)
         if not np.max(np.abs(after)) < DIVERGED:
             return False
         if np.max(np.abs(after - x)) <= 1e-6 * size:
