@@ -1,0 +1,11 @@
+"""The table of the BMI loop: one quick case, with everything in it that the table promises."""
+
+from benchmarks.speed.alternation import alternation, alternation_table, cases
+
+
+def test_row_shows_a_bound_that_falls_is_proved_and_lies_above_the_simulated_cost():
+    (row,) = alternation(multiplier="sector", chosen=cases()[:1], max_rounds=2)
+    assert row.after < 0.6 * row.before and row.rises == 0.0 and row.proved
+    assert row.floor * (1 - 1e-6) <= row.after and row.simulated <= row.after * (1 + 1e-6)
+    assert row.error < 1e-3 and row.rounds == 2
+    assert "2 states, ReLU" in alternation_table([row])
