@@ -36,7 +36,7 @@ def main(picture: str | Path = "two_state.png", hidden: int = 8) -> tuple[Figure
 
     computed = {
         "certified cost": result.require().cost,
-        "every linear controller costs at least": float(result.bounds["linear controllers, 20 moves"]),
+        "every linear controller costs at least": float(result.bounds["linear controllers"]),
         "every controller costs at least": float(result.bounds["any controller"]),
         "best static linear gain": result.linear["best static linear gain"],
         "scaled LQR gain": result.linear["scaled LQR gain"],

@@ -107,7 +107,7 @@ def _check(plant: Plant, spec: Spec, hidden: int, activation: Activation, kappa:
 def _lower_bounds(plant: Plant, spec: Spec, notes: list[str], say: Say) -> dict[str, Bound]:
     computed: dict[str, Bound] = {}
     for name, compute in (("linear controllers, first move", lambda: bounds.first_move(plant, spec)),
-                          ("linear controllers, 20 moves", lambda: bounds.affine_moves(plant, spec, 20)),
+                          ("linear controllers", lambda: bounds.affine_moves(plant, spec)),
                           ("any controller", lambda: bounds.any_controller(plant, spec, cells=CELLS))):
         try:
             computed[name] = compute()

@@ -11,16 +11,16 @@ README = Path(__file__).parents[1] / "README.md"
 def test_the_readme_code_runs_and_gives_the_figures_it_states(tmp_path, monkeypatch, capsys):
     text = README.read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    assert len(blocks) == 3 and len(blocks[0].strip().splitlines()) <= 14
+    assert len(blocks) == 4 and len(blocks[0].strip().splitlines()) <= 14
     monkeypatch.chdir(tmp_path)
     names: dict = {}
     exec(compile(blocks[0], "README.md", "exec"), names)
     result = names["result"]
     assert result.status == "certified" and "1.36496190" in text
     assert result.certificate.expected == pytest.approx(1.36496190, abs=1e-8)
-    assert "1.364795" in text and float(result.bounds["any controller"]) == pytest.approx(1.364795, abs=1e-6)
-    assert "0.013 %" in text and "within 0.013 %" in str(result)
-    linear = float(result.bounds["linear controllers, 20 moves"])
+    assert "than 1.36496." in text and 1.3649604 <= float(result.bounds["any controller"]) <= 1.3649619
+    assert "0.00011 %" in text and "within 0.00011 %" in str(result)
+    linear = float(result.bounds["linear controllers"])
     assert linear == pytest.approx(2.116763, abs=1e-6) and "2.116763" in text
     assert abs(names["u"][0]) <= 1 and names["result"].certificate.prove()
     assert "CERTIFIED" in capsys.readouterr().out
@@ -53,3 +53,18 @@ def test_the_third_block_certifies_and_refutes_what_it_says(capsys):
     found = names["found"]
     assert 2.338 <= found.factor < found.refuted <= 2.342 and "2.338 (a motion that fails is shown at 2.342)" in text
     assert "12.06" in text and "\n12.05" in printed
+
+
+def test_the_fourth_block_says_the_sentence(tmp_path, monkeypatch, capsys):
+    text = README.read_text(encoding="utf-8")
+    block = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)[3]
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(compile(block, "README.md", "exec"), names)
+    sentence = ("Every admissible finite-order dynamic linear controller costs at least 2.116763; clipped LQR costs at most "
+                "1.364962; both are proved.")
+    assert sentence in capsys.readouterr().out and sentence in " ".join(text.split())
+    found = names["found"]
+    assert found.cost_of("best linear found") < 2.116764 and found.cost_of("best gain found") < 3.347185
+    assert 3.3137 < found.floor("static").value and "at least 3.3137" in text and "3.347184" in text
+    assert found.inversions() == () and (tmp_path / "comparison.png").exists()

@@ -24,8 +24,8 @@ from .usual import usual_controllers
 
 
 def compare(plant: Any, spec: Spec, controllers: Mapping[str, Any] | None = None, *,
-            bounds: Iterable[str] = ("any", "linear", "static"), budget: Budget | None = None, cells: int = 10_000,
-            moves: int = 20, seconds: float = 30.0, samples: int = 20_000, seed: int = 0, prove: bool = False,
+            bounds: Iterable[str] = ("any", "linear", "static"), budget: Budget | None = None, cells: int = 3_000,
+            moves: int | None = None, seconds: float = 30.0, samples: int = 20_000, seed: int = 0, prove: bool = False,
             verbose: bool = False) -> Comparison:
     """Return what controllers cost at most, what classes of controllers cost at least, and what follows.
 
@@ -42,7 +42,8 @@ def compare(plant: Any, spec: Spec, controllers: Mapping[str, Any] | None = None
         clipped regulator, the best static gain found, the scaled regulator
     bounds : the classes whose lower bounds are wanted
     budget : of the exact pieces of one controller
-    cells, moves, seconds : work for the bounds on any controller, on linear ones, and on static gains
+    cells, moves, seconds : work for the bounds on any controller, on linear ones (None: until the bound stops rising), and on
+        static gains
     samples : simulated starting points where nothing is certified
     seed : of the simulation and the searches
     prove : whether to settle everything rigorously at once, as `Comparison.proved` does later
@@ -81,7 +82,7 @@ def compare(plant: Any, spec: Spec, controllers: Mapping[str, Any] | None = None
     families = _families(bounds)
     if not isinstance(budget, Budget | None):
         raise InvalidInputError(f"budget must be a Budget or None, not {budget!r}")
-    effort = Effort(budget or Budget(), whole("cells", cells, 1), whole("moves", moves, 1),
+    effort = Effort(budget or Budget(), whole("cells", cells, 1), None if moves is None else whole("moves", moves, 1),
                     number("seconds", seconds, 0.0, open_low=True), whole("samples", samples, 2), whole("seed", seed, 0))
     say = _speaker(verbose, clock)
     chosen = usual_controllers(plant, spec, effort.seed) if controllers is None else admitted(plant, spec, controllers)

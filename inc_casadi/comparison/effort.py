@@ -18,15 +18,15 @@ class Effort:
     ----------
     budget : of the exact pieces of one controller
     cells : about how many, for the bound on any controller
-    moves : how many are counted, for the bound on linear controllers
+    moves : how many are counted for the bound on linear controllers; None: as many as raise it
     seconds : for the bound on static linear gains
     samples : simulated starting points of a controller without certificate
     seed : of all random numbers
     """
 
     budget: Budget = Budget()
-    cells: int = 10_000
-    moves: int = 20
+    cells: int = 3_000
+    moves: int | None = None
     seconds: float = 30.0
     samples: int = 20_000
     seed: int = 0

@@ -102,9 +102,17 @@ def _known(comparison: Comparison, row: Row, floor: Floor) -> str:
 
 
 def _rests_on(comparison: Comparison, row: Row, floor: Floor) -> str:
-    cost = f"The cost rests on: {row.cost.words}; the limits: {row.limits.reason}"
-    return f"{cost}{_means(comparison.proofs.get(row.name))}. The bound rests on: {dual_words(floor)}" \
-           f"{_means(comparison.proofs.get(label(floor)))}."
+    return f"The cost rests on: {cost_grounds(comparison, row)}. The bound rests on: {bound_grounds(comparison, floor)}."
+
+
+def cost_grounds(comparison: Comparison, row: Row) -> str:
+    """Return what the certified cost of a controller rests on."""
+    return f"{row.cost.words}; the limits: {row.limits.reason}{_means(comparison.proofs.get(row.name))}"
+
+
+def bound_grounds(comparison: Comparison, floor: Floor) -> str:
+    """Return what a lower bound rests on."""
+    return f"{dual_words(floor)}{_means(comparison.proofs.get(label(floor)))}"
 
 
 def _means(proof: Proof | None) -> str:

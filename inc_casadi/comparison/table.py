@@ -10,7 +10,7 @@ from .comparison import Comparison, label
 from .floors import Floor
 from .row import CERTIFIED, NOTHING, SIMULATED, VIOLATED, Row
 from .sentences import percent
-from .statements import ASSUMED, NOT_CLAIMED
+from .statements import ASSUMED, NOT_CLAIMED, bound_grounds, cost_grounds
 
 HEADINGS = ("controller", "kind", "expected cost", "how known", "limits kept", "converges", "above the best", "seconds")
 
@@ -24,11 +24,19 @@ def table(comparison: Comparison) -> str:
     if not any(statement.separates for statement in found):
         lines.append("No controller is shown to beat a class of competitors here.")
     lines += [f"Not settled rigorously, {name}: {proof.reason}." for name, proof in comparison.proofs.items() if not proof]
-    lines += [f"  {words}" for words in dict.fromkeys(s.grounds for s in found if s.grounds)]
     if any(statement.grounds for statement in found):
-        lines += [ASSUMED, NOT_CLAIMED]
+        lines += ["", *_grounds(comparison), ASSUMED, NOT_CLAIMED]
     lines += [f"INCONSISTENT: {inversion}." for inversion in comparison.inversions()]
     return "\n".join(lines)
+
+
+def _grounds(comparison: Comparison) -> Iterable[str]:
+    for row in comparison.rows:
+        if comparison.certifies(row.name):
+            yield f"{row.name} rests on: {cost_grounds(comparison, row)}."
+    for floor in comparison.floors:
+        if floor.bound is not None:
+            yield f"{label(floor)} rests on: {bound_grounds(comparison, floor)}."
 
 
 def columns(rows: Sequence[Sequence[str]]) -> Iterable[str]:

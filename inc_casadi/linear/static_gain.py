@@ -18,6 +18,7 @@ from ..spec import Spec
 from .gain_search import ADMISSIBLE_TOL, Admissible, annealed, evaluate, excess
 from .regulator import damped_plant, discounted_lqr
 
+_INWARD = 1 - 1e-14  # so that rounding does not put a gain at the limits beyond them
 _LISTED = 2000  # rows of constraints that are listed at once; more are added when violated
 
 
@@ -134,7 +135,7 @@ def _scaled(plant: Plant, spec: Spec, F: Array) -> Array:
     rows = spec.inputs.H @ F @ plant.C
     most = np.sum(rows * farthest(spec.initial, rows.T).T, axis=1)
     room = np.divide(spec.inputs.h, most, out=np.ones_like(most), where=most > 0)
-    return F * float(np.clip(np.min(room), 0.0, 1.0))
+    return F * float(np.clip(_INWARD * np.min(room), 0.0, 1.0))
 
 
 def _refuse_gaussian(spec: Spec) -> None:
