@@ -68,8 +68,8 @@ def models(gains: Gains, centers: Array, widths: Array, b: Array, shrink: Contra
     """
     found = expansion(gains, centers, widths, b, shrink.operator)
     M = third_order(gains, found, centers, b)
-    R, proved = _remainder(gains, widths, b, shrink, _source(gains, found, M, widths, b, shrink),
-                           _Sizes(gains, centers, widths, b, shrink.split, found))
+    R, proved = remainder(gains, widths, b, shrink, source_of(gains, found, M, widths, b, shrink),
+                           Sizes(gains, centers, widths, b, shrink.split, found))
     S0 = gains.data.S0
     cost, taken = np.tensordot(found.P0, S0, axes=2), np.tensordot(R, S0, axes=2)
     slope = np.tensordot(found.P1, S0, axes=2) * widths
@@ -85,9 +85,9 @@ def models(gains: Gains, centers: Array, widths: Array, b: Array, shrink: Contra
                   np.where(proved, cost, np.inf))
 
 
-def _source(gains: Gains, found: Expansion, M: Array, widths: Array, b: Array,
-            shrink: Contraction) -> tuple[Array, Array]:
-    # What the remainder must outweigh (N, n, n), and a bound (N,) on the norm of what the decompositions missed.
+def source_of(gains: Gains, found: Expansion, M: Array, widths: Array, b: Array,
+              shrink: Contraction) -> tuple[Array, Array]:
+    """Return what the remainder must outweigh (N, n, n), and a bound (N,) on the norm of what was missed in forming it."""
     upper = Upper(gains.plant.n)
     third, off = absolute(M, powers(widths, gains.triples))
     W, more = absolute(found.P2, powers(widths, gains.pairs))
@@ -96,9 +96,12 @@ def _source(gains: Gains, found: Expansion, M: Array, widths: Array, b: Array,
     return third + fourth, found.missed + off + b * turned * more
 
 
-def _remainder(gains: Gains, widths: Array, b: Array, shrink: Contraction, source: tuple[Array, Array],
-               sizes: _Sizes) -> tuple[Array, np.ndarray]:
-    # R with R - b total(R) = source + room I, and whether what is left of the room outweighs all errors.
+def remainder(gains: Gains, widths: Array, b: Array, shrink: Contraction, source: tuple[Array, Array],
+              sizes: Sizes) -> tuple[Array, np.ndarray]:
+    """Return R (N, n, n) with R - b total(R) = source + room I, and whether (N,) the room outweighs all errors.
+
+    Where it does, R - b A_F'R A_F exceeds the source for every gain of the box, and R > 0.
+    """
     upper, n = Upper(gains.plant.n), gains.plant.n
     identity = np.eye(n)
     allowed = source[1] + sizes.rounding
@@ -114,8 +117,9 @@ def _remainder(gains: Gains, widths: Array, b: Array, shrink: Contraction, sourc
 
 
 @dataclass(frozen=True, eq=False)
-class _Sizes:
-    # Roundings by norms: the absolute values of all terms of T(P) - P, times the number of roundings on the way.
+class Sizes:
+    """Roundings (N,) by norms: the absolute values of all terms of T(P) - P, times the number of roundings on the way."""
+
     gains: Gains
     centers: Array
     widths: Array
@@ -125,27 +129,33 @@ class _Sizes:
 
     @property
     def units(self) -> float:
+        """The relative rounding of a term."""
         plant, d = self.gains.plant, self.gains.d
         return 16 * (UNIT * plant.n * (plant.n + plant.m + plant.p + d * d + 8) + self.gains.data.slack)
 
     @property
     def reach(self) -> Array:
+        """The largest size (N, d) of each entry of the gain."""
         return np.abs(self.centers) + self.widths
 
     @property
     def loop(self) -> Array:
+        """A bound on the norm of A_F."""
         return np.linalg.norm(self.gains.data.A) + self.reach @ self.gains.sizes
 
     @property
     def moved(self) -> Array:
+        """A bound on the norm of the spread."""
         return self.gains.d * (self.widths**2 @ self.gains.sizes**2)
 
     @property
     def rounding(self) -> Array:
+        """That of T(P) - P without the remainder."""
         stage = np.linalg.norm(self.gains.data.Q) + np.sum(self.reach * (self.reach @ self.gains.prices), axis=1)
         return self.units * (stage + (1 + self.b * (self.loop**2 + self.moved)) * self.found.size)
 
     @property
     def contracting(self) -> Array:
+        """That of R - b total(R), relative to R."""
         t = self.split
         return self.units * (2 + self.b * ((1 + t) * self.loop**2 + (1 + 1 / t) * self.moved))

@@ -138,7 +138,7 @@ def static_output_feedback(plant: Any, spec: Spec, *, limits: str = "initial", g
     plant : Plant or control.StateSpace, discrete time, m p <= 12 (up to 6 is quick)
     spec : Spec; initial on a bounded set when there are input limits
     limits : "initial": the gains with H_u F C v <= h_u for every initial state v; "always": those that keep the limits
-        along all trajectories, a smaller class with a higher bound
+        along all trajectories, a smaller class with a minimum at least as high; of later moves the first 12 count
     gap : relative, in (0, 1), at which to stop
     cells : most boxes
     seconds : wall time after which to stop; whenever it stops, the bound found so far is returned

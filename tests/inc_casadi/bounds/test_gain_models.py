@@ -11,10 +11,10 @@ from benchmarks.baselines.linear import lyapunov_costs
 from inc_casadi import Box, Plant, Spec
 from inc_casadi.bounds.gain_algebra import Gains, absolute
 from inc_casadi.bounds.gain_contraction import contraction
-from inc_casadi.bounds.gain_expansion import expansion
+from inc_casadi.bounds.gain_expansion import expansion, third_order
 from inc_casadi.bounds.gain_floor import Floor
 from inc_casadi.bounds.gain_halfspaces import HalfSpaces
-from inc_casadi.bounds.gain_models import models
+from inc_casadi.bounds.gain_models import Sizes, models, remainder, source_of
 
 SHAPES = [(3, 2, 1), (2, 1, 2), (4, 2, 2), (1, 1, 1)]
 
@@ -129,6 +129,24 @@ def test_the_contraction_holds_for_every_gain_of_the_box():
         right = np.zeros((4, 4))
         right[i, j] = right[j, i] = shrink.total[0] @ X[i, j]
         assert np.linalg.eigvalsh(right - A.T @ X @ A)[0] > -1e-9 * np.linalg.norm(right)
+
+
+def test_the_remainder_outweighs_its_source_for_every_gain_of_the_box():
+    plant, spec = draw(4, 4, 2, 2, radius=0.6)
+    gains, rng, N = Gains(plant, spec), np.random.default_rng(5), 20
+    centers, widths, b = 0.1 * rng.standard_normal((N, 4)), rng.uniform(0.03, 0.1, (N, 4)), np.full(N, 0.5)
+    shrink = contraction(gains, centers, widths)
+    found = expansion(gains, centers, widths, b, shrink.operator)
+    source = source_of(gains, found, third_order(gains, found, centers, b), widths, b, shrink)
+    R, proved = remainder(gains, widths, b, shrink, source, Sizes(gains, centers, widths, b, shrink.split, found))
+    assert np.sum(proved) > 10
+    least = np.inf
+    for s in np.vstack([np.sign(rng.standard_normal((60, 4))), rng.uniform(-1, 1, (60, 4))]):
+        A = plant.A + plant.B @ (centers + widths * s).reshape(N, 2, 2) @ plant.C
+        left = R - b[0] * np.swapaxes(A, 1, 2) @ R @ A - source[0]
+        low = np.linalg.eigvalsh(left)[:, 0] / np.linalg.norm(source[0], axis=(1, 2))
+        least = min(least, float(np.min(low[proved])))
+    assert 0 < least < 5
 
 
 def test_one_matrix_dominates_every_signed_sum():
