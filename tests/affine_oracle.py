@@ -11,15 +11,16 @@ def with_moments(mean, covariance):
     return mean[:, None] + np.hstack([steps, -steps]), np.full(2 * n, 1 / (2 * n))
 
 
-def sampled_program(plant, spec, moves, states, weights, corners, free=True):
-    """min E cost over u_k = D_k x_0 + d_k, D_k any matrix, or (free=False) sum_j T_kj C A^j; limits at `corners` (n, c).
+def sampled_program(plant, spec, moves, states, weights, corners, kind="free"):
+    """min E cost over u_k = D_k x_0 + d_k, D_k any matrix ("free"), sum_j T_kj C A^j ("rows"), sum_j T_{k-j} C A^j ("tied").
 
-    states (n, N), weights (N,): points with the moments of x_0.
+    states (n, N), weights (N,): points with the moments of x_0; limits at `corners` (n, c).
     """
     n, m = plant.n, plant.m
     stacks = [np.vstack([plant.C @ np.linalg.matrix_power(plant.A, j) for j in range(k + 1)]) for k in range(moves)]
-    rows = [np.eye(n) if free else stack for stack in stacks]
-    D = [cp.Variable((m, len(row))) for row in rows]
+    rows = [np.eye(n) if kind == "free" else stack for stack in stacks]
+    T = [cp.Variable((m, plant.p)) for _ in range(moves)]
+    D = [cp.hstack(T[k::-1]) if kind == "tied" else cp.Variable((m, len(row))) for k, row in enumerate(rows)]
     d = [cp.Variable((m, 1)) for _ in range(moves)]
     rootQ, rootR = root(spec.Q), root(spec.R)
     roots, ones = np.sqrt(weights)[None, :], np.ones((1, len(weights)))

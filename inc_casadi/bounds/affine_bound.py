@@ -24,6 +24,8 @@ class AffineMovesBound(Bound):
     cuts : constraints H[facet] u_move(point) <= h[facet] at initial states that may occur, c of them
     multipliers : (c,) >= 0 of the cuts
     anchors : (n, a) initial states that may occur and span all that do
+    ties : (N, m, q) multipliers of what ties the moves of a time-invariant controller (`tied`), or None: the bound then
+        covers controllers that vary with time as well
     relaxed : whether moves may depend on the full state though only y = C x is measured
     horizons : (N, value) of every horizon that was tried, for a plot; no part of the proof
     """
@@ -33,6 +35,7 @@ class AffineMovesBound(Bound):
     multipliers: Array = field(repr=False)
     anchors: Array = field(repr=False)
     relaxed: bool = False
+    ties: Array | None = field(default=None, repr=False)
     horizons: tuple[tuple[int, float], ...] = field(default=(), repr=False)
 
     @property
@@ -41,15 +44,16 @@ class AffineMovesBound(Bound):
         seen = "" if self.plant.full_state else ", whatever it measures" if self.relaxed else " that measures y = C x"
         N = len(self.moves)
         judged = "its first move" if N == 1 else f"its first {N} moves"
-        return (f"Every linear controller of any finite order{seen}, started from a fixed state and keeping the input "
-                f"limits from every initial state, costs at least {at_least(self.value)} on average over the initial "
+        kind, even = ("linear", ", even a time-varying one") if self.ties is None else ("linear time-invariant", "")
+        return (f"Every {kind} controller of any finite order{seen}{even}, started from a fixed state and keeping the "
+                f"input limits from every initial state, costs at least {at_least(self.value)} on average over the initial "
                 f"states ({judged} counted).")
 
     @property
     def lagrangian(self) -> Lagrangian:
         """The Lagrangian at the stored numbers, for the measurements that the moves may use."""
         plant = seen_by_moves(self.plant, self.relaxed)
-        return Lagrangian(plant, self.spec, self.moves, self.cuts, self.multipliers, self.anchors)
+        return Lagrangian(plant, self.spec, self.moves, self.cuts, self.multipliers, self.anchors, self.ties)
 
     def dual(self) -> tuple[float, float]:
         """Return the Lagrangian, minimized over all moves within the limits, and its rounding allowance."""

@@ -13,6 +13,8 @@ from ..plant import Plant
 from ..sets import Distribution
 from ..spec import Spec
 from .measured import Rows
+from .steadied import steadied
+from .tying_rows import tying_rows, untangled
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,16 +33,20 @@ class Cuts:
 
 @dataclass(frozen=True, eq=False)
 class AffineProgram:
-    """min E cost over u_k = U_k [x_0; 1], U_k = [Y_k R_k, d_k], k < N, subject to cuts.
+    """min E cost over u_k = U_k [x_0; 1], U_k = [Y_k R_k, d_k], k < N, subject to cuts and ties.
 
     root : (n + 1, s) factor L with E [x_0; 1][x_0; 1]' >= L L', equal up to rounding
     rows : N row bases R_k that the moves may use
+    spread : (n + 1, t >= s) L and more columns; functions of x_0 are made orthonormal on them
+    hidden : Z (n, q), (Y_k R_k - Y_{k-1} R_{k-1} A) Z = 0; all rows are to be used then. Without columns: no ties
     """
 
     plant: Plant
     spec: Spec
     root: Array
     rows: list[Rows]
+    spread: Array
+    hidden: Array
 
 
 def moment_root(initial: Distribution) -> Array:
@@ -78,46 +84,55 @@ def measurement(rows: Rows) -> Array:
     return np.block([[rows.basis, np.zeros((r, 1))], [np.zeros((1, n)), np.ones((1, 1))]])
 
 
-def best_moves(program: AffineProgram, cuts: Cuts) -> tuple[Array, Array]:
-    """Return U (N, m, n + 1) and multipliers (c,) >= 0 of the cuts, as good as Clarabel finds them.
+def best_moves(program: AffineProgram, cuts: Cuts) -> tuple[Array, Array, Array]:
+    """Return U (N, m, n + 1), multipliers (c,) >= 0 of the cuts and (N, m, q) of the ties, as good as Clarabel finds them.
 
     The unknowns are X_k L for k = 1..N and the coefficients G_k of the moves on functions of x_0 that are orthonormal
-    under its distribution; inputs are scaled by their limits, the cost by the part that no move changes, and what is to
-    come by the square root of its discount.
+    under its distribution, or on `spread`; inputs are scaled by their limits, the cost by the part that no move changes,
+    and what is to come by the square root of its discount.
 
     Raises
     ------
     SolverError : Clarabel is missing or returns no numbers
     """
+    features, damping = [_features(program, rows) for rows in program.rows], _damping(program)
+    z, motions_and_ties, of_cuts = _solved(program, cuts, features)
+    multipliers = np.empty(cuts.move.size)
+    multipliers[np.argsort(cuts.move, kind="stable")] = of_cuts  # the rows are grouped by move
+    of_ties = motions_and_ties[len(features) * program.plant.n * program.root.shape[1]:]
+    of_ties = of_ties.reshape(len(features), program.plant.m, program.hidden.shape[1]) / _units(program)[:, None]
+    ties = damping[:-1, None, None] * untangled(program.hidden, features[0][0], of_ties)
+    return _moves(program, features, z), np.maximum(multipliers * damping[cuts.move], 0.0), ties
+
+
+def _solved(program: AffineProgram, cuts: Cuts, features: list[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
+    # The unknowns and the dual numbers of equalities and of inequalities, in the units of the cost.
     try:
         import clarabel
         from scipy import sparse
     except ImportError as error:
         raise SolverError("bounds on linear controllers need scipy and clarabel: pip install clarabel") from error
-    features = [_features(program.root, rows) for rows in program.rows]
     hessian, G, g, equalities = _matrices(program, cuts, features, sparse)
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
     cones = [clarabel.ZeroConeT(equalities), clarabel.NonnegativeConeT(len(g) - equalities)]
     found = clarabel.DefaultSolver(sparse.triu(hessian).tocsc(), np.zeros(G.shape[1]), G, g, cones, settings).solve()
-    z, multipliers = np.array(found.x), np.empty(cuts.move.size)
-    multipliers[np.argsort(cuts.move, kind="stable")] = np.array(found.z)[equalities:]  # the rows are grouped by move
-    multipliers *= _scale(program) * _damping(program)[cuts.move]
-    if not (np.all(np.isfinite(z)) and np.all(np.isfinite(multipliers))):
+    z, dual = np.array(found.x), _scale(program) * np.array(found.z)
+    if not (np.all(np.isfinite(z)) and np.all(np.isfinite(dual))):
         raise SolverError(f"Clarabel ended with status {found.status} and without finite numbers")
-    return _moves(program, features, z), np.maximum(multipliers, 0.0)
+    return z, dual[:equalities], dual[equalities:]
 
 
-def _features(L: Array, rows: Rows) -> tuple[Array, Array]:
+def _features(program: AffineProgram, rows: Rows) -> tuple[Array, Array]:
     # F (r, n + 1) with F [x_0; 1] orthonormal and spanning what the move may use, and F L.
     E = measurement(rows)
-    seen = E @ L
+    seen = E @ program.spread
     sizes = np.linalg.norm(seen, axis=1)
     sizes = np.where(sizes > 0, sizes, 1.0)[:, None]
     left, values, Vt = np.linalg.svd(seen / sizes, full_matrices=False)
     kept = values > 1e-9 * values[0]
-    return (left[:, kept] / values[kept]).T @ (E / sizes), Vt[kept]
+    return (left[:, kept] / values[kept]).T @ (E / sizes), Vt[kept, : program.root.shape[1]]
 
 
 def _scale(program: AffineProgram) -> float:
@@ -136,7 +151,7 @@ def _units(program: AffineProgram) -> Array:
 
 def _matrices(program: AffineProgram, cuts: Cuts, features: list[tuple[Array, Array]],
               sparse: Any) -> tuple[Any, Any, Array, int]:
-    # min z'(hessian)z / 2 subject to the first rows of G z = g and the others G z <= g; row-major vec everywhere.
+    # min z'(hessian)z / 2 subject to the first rows of G z = g, motions and ties, and the others G z <= g; row-major vec.
     plant, spec, units = program.plant, program.spec, _units(program)
     assert spec.inputs is not None
     N, s = len(features), program.root.shape[1]
@@ -145,7 +160,7 @@ def _matrices(program: AffineProgram, cuts: Cuts, features: list[tuple[Array, Ar
     damping = _damping(program)
     weights = 2 * spec.discount ** np.arange(N + 1) / _scale(program) / damping**2
     blocks = [sparse.kron(weights[k + 1] * spec.Q, sparse.eye_array(s)) for k in range(N)]
-    blocks += [sparse.kron(weights[k] * R, sparse.eye_array(len(features[k][0]))) for k in range(N)]
+    blocks += [sparse.kron(weights[k] * R, sparse.csr_array(np.round(FL @ FL.T, 14))) for k, (_, FL) in enumerate(features)]
     grid: list[list[Any]] = [[None] * (2 * N) for _ in range(2 * N)]
     right = [np.zeros(plant.n * s) for _ in range(N)]
     right[0] = damping[1] * (plant.A @ program.root[:-1]).ravel()
@@ -159,14 +174,18 @@ def _matrices(program: AffineProgram, cuts: Cuts, features: list[tuple[Array, Ar
         rows = H[cuts.facet[mine]][:, :, None] * values[:, None, :]
         grid[N + k][N + k] = sparse.csr_array(rows.reshape(len(values), -1))
         right.append(damping[k] * spec.inputs.h[cuts.facet[mine]])
-    hessian, G = sparse.block_diag(blocks), sparse.block_array(grid).tocsc()
-    return hessian, G, np.concatenate(right), N * plant.n * s
+    ties = tying_rows(plant, program.hidden, features[0][0], damping, sparse)
+    right[N:N] = [np.zeros(plant.m * program.hidden.shape[1]) for _ in ties]
+    hessian, G = sparse.block_diag(blocks), sparse.block_array(grid[:N] + ties + grid[N:]).tocsc()
+    return hessian, G, np.concatenate(right), N * (plant.n * s + plant.m * program.hidden.shape[1])
 
 
 def _moves(program: AffineProgram, features: list[tuple[Array, Array]], z: Array) -> Array:
     plant, N = program.plant, len(features)
     sizes = [plant.m * len(F) for F, _ in features]
     parts = np.split(z[N * plant.n * program.root.shape[1]:], np.cumsum(sizes)[:-1])
-    units = _units(program)[:, None]
-    triples = zip(parts, features, _damping(program)[:-1], strict=True)
-    return np.stack([units / scale * (part.reshape(plant.m, -1) @ F) for part, (F, _), scale in triples])
+    units, damping = _units(program)[:, None], _damping(program)
+    triples = zip(parts, features, damping[:-1], strict=True)
+    U = np.stack([units / scale * (part.reshape(plant.m, -1) @ F) for part, (F, _), scale in triples])
+    motion = z[:N * plant.n * program.root.shape[1]].reshape(N, plant.n, -1) / damping[1:, None, None]
+    return steadied(plant, program.spec, program.root, U, motion)

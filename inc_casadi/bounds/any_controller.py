@@ -194,7 +194,7 @@ def expected(spec: Spec, Pi: Array, cells: Cells, values: Array) -> tuple[float,
     allowance = float(np.sum((4 * UNIT * (len(Pi) + 32) + shapes.doubt) * shapes.probabilities * sizes))
     if cells.complete:
         return float(np.sum(shapes.probabilities * known)), allowance
-    mean, more = weighed(Pi, spec.initial.second_moment)
+    mean, more = weighed(Pi, spec.initial)
     return mean + float(np.sum(shapes.probabilities * (known - without))), allowance + more
 
 

@@ -29,7 +29,7 @@ def on_anchors(plant: Plant, anchors: Array, forces: list[np.ndarray]) -> list[n
     """
     frames = [Frame(rows, anchors) for rows in measured_rows(plant, len(forces))]
     seen = measurements(plant, len(forces))
-    spans = [Span(E @ exact(extended(anchors)), _order(frame.seen)) for E, frame in zip(seen, frames, strict=False)]
+    spans = [Span(E @ exact(extended(anchors)), pivoted(frame.seen)) for E, frame in zip(seen, frames, strict=False)]
     found: list[np.ndarray | None] = []
     for k, (M, frame) in enumerate(zip(forces, frames, strict=True)):
         span, E = spans[min(k, len(spans) - 1)], seen[min(k, len(spans) - 1)]
@@ -113,8 +113,14 @@ class Span:
         return None if np.any(turned[rank:] != 0) else turned[:rank]
 
 
-def _order(seen: Array) -> list[int]:
-    # All anchors, first those that a pivoted Gram-Schmidt process takes.
+def pivoted(seen: Array) -> list[int]:
+    """Return the order of the columns of a matrix (r, a) in which `Span` divides by no small number.
+
+    First come those that a pivoted Gram-Schmidt process takes, then the others.
+
+    >>> pivoted(np.array([[1.0, 3.0, 2.0]]))
+    [1, 0, 2]
+    """
     scale = np.max(np.abs(seen), axis=1, keepdims=True)
     rest = seen / np.where(scale > 0, scale, 1.0)
     first: list[int] = []

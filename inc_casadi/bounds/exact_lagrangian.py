@@ -15,6 +15,7 @@ from .exact_moments import extended_moment, is_semidefinite
 from .exact_polytope import corners
 from .lagrangian import Lagrangian
 from .moves import rollout
+from .tied import tying_forces
 
 
 def exact_lower(problem: Lagrangian) -> Fraction | str:
@@ -27,9 +28,10 @@ def exact_lower(problem: Lagrangian) -> Fraction | str:
         tr(Q X M X') >= 2 tr(Q Y M X') - tr(Q Y M Y'),
 
     and p_N = 2 beta^N Q Y_N M, p_k = A'p_{k+1} + 2 beta^k Q Y_k M turn the sum over k into <p_0, X_0> and terms
-    <G_k, U_k>, G_k = B'p_{k+1} + 2 beta^k R V_k M. Multipliers >= 0 times cuts at states that occur add to G_k, which gives
-    M_k. The moves are [Y_k, d_k] E_k with E_k from the exact rows of C, ..., CA^k; N_k with M_k E_k' = N_k (E_k [V; 1])'
-    at anchors V that occur is the float solution, repaired exactly at r + 1 anchors; and
+    <G_k, U_k>, G_k = B'p_{k+1} + 2 beta^k R V_k M. Multipliers >= 0 times cuts at states that occur add to G_k, and so do
+    ties (`tying_forces`) with the exact hidden states, which gives M_k. The moves are [Y_k, d_k] E_k with E_k from the
+    exact rows of C, ..., CA^k; N_k with M_k E_k' = N_k (E_k [V; 1])' at anchors V that occur is the float solution,
+    repaired exactly at r + 1 anchors; and
     <M_k, U_k> >= -sum_i max over the limits of -N_k,i'u, on a polytope by all its vertices.
     """
     inputs = problem.spec.inputs
@@ -46,6 +48,9 @@ def exact_lower(problem: Lagrangian) -> Fraction | str:
     h, multipliers = exact(inputs.h), exact(problem.multipliers)
     value -= (multipliers * h[problem.cuts.facet]).sum() if multipliers.size else 0
     forces = [force + _of_cuts(problem, k) for k, force in enumerate(forces)]
+    if problem.ties is not None:
+        tied = tying_forces(exact(problem.ties), problem.hidden, exact(problem.plant.A))
+        forces = [force + _widened(tie) for force, tie in zip(forces, tied, strict=True)]
     for N in on_anchors(problem.plant, problem.anchors, forces):
         if N is None:
             return "the anchors do not span the initial states"
@@ -91,6 +96,10 @@ def _of_cuts(problem: Lagrangian, k: int) -> np.ndarray:
     weighed = exact(problem.multipliers[mine])[:, None] * exact(problem.spec.inputs.H)[problem.cuts.facet[mine]]
     columns = exact(extended(problem.cuts.point[:, mine]))
     return weighed.T @ columns.T if mine.size else np.full(problem.moves.shape[1:], Fraction(0), dtype=object)
+
+
+def _widened(force: np.ndarray) -> np.ndarray:
+    return np.hstack([force, np.full((len(force), 1), Fraction(0), dtype=object)])
 
 
 def _vertices(inputs: Box | Polytope) -> np.ndarray | str:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..plant import Plant
-from ..sets import Box, Distribution, Ellipsoid, Uniform
+from ..sets import Box
 from ..spec import Spec
 from .affine_problem import Cuts, extended, moment_root
 from .exact_anchors import nearly_flat
@@ -17,6 +17,8 @@ from .frame import Frame
 from .measured import measured_rows
 from .moves import UNIT, minorant, rollout
 from .occurring import may_occur
+from .tied import hidden_states, spans_everything, tying_forces
+from .value_iteration import moment_rounding
 
 NEARLY_FLAT = ("the initial states lie within rounding of a hyperplane, but not on it, so that moves of gains beyond 1e12 "
                "tell them apart: describe them in fewer coordinates, or round them onto it")
@@ -33,12 +35,18 @@ class Lagrangian:
     cuts: Cuts
     multipliers: Array
     anchors: Array
+    ties: Array | None = None
 
     @cached_property
     def reach(self) -> Array:
         """The largest size (m,) of each input."""
         assert self.spec.inputs is not None
         return np.max(np.abs(self.spec.inputs.vertices), axis=1)
+
+    @cached_property
+    def hidden(self) -> np.ndarray:
+        """The states that one measurement does not show, (n, q) Fractions."""
+        return hidden_states(self.plant)
 
     @property
     def trouble(self) -> str:
@@ -61,13 +69,21 @@ class Lagrangian:
                 return f"a cut names a {name} that does not exist"
         if not may_occur(spec.initial, np.hstack([cuts.point, self.anchors])):
             return "a point of a cut or an anchor is not an initial state that may occur"
-        return NEARLY_FLAT if nearly_flat(self.plant, self.anchors, len(self.moves)) else ""
+        return self._tied_wrongly or (NEARLY_FLAT if nearly_flat(self.plant, self.anchors, len(self.moves)) else "")
+
+    @property
+    def _tied_wrongly(self) -> str:
+        if self.ties is None:
+            return ""
+        if self.ties.shape != (*self.moves.shape[:2], self.hidden.shape[1]) or not np.all(np.isfinite(self.ties)):
+            return f"the ties are not finite numbers for {len(self.moves)} moves and {self.hidden.shape[1]} hidden states"
+        return "" if spans_everything(self.anchors) else "moves are tied, but the anchors lie in a hyperplane"
 
     def lower(self) -> tuple[float, float]:
         """Return min over moves within the limits of the minorant of the cost plus multipliers times cuts.
 
-        cost >= const + sum_k <M_k, U_k>, where M_k collects the slopes and the cuts' multipliers. With anchors v_i and
-        M_k E_k' = N_k (E_k [V; 1])', where u_k(v_i) = U_k [v_i; 1] and U_k = [Y_k d_k] E_k,
+        cost >= const + sum_k <M_k, U_k>, where M_k collects the slopes and the multipliers of cuts and ties. With anchors
+        v_i and M_k E_k' = N_k (E_k [V; 1])', where u_k(v_i) = U_k [v_i; 1] and U_k = [Y_k d_k] E_k,
         <M_k, U_k> = sum_i N_k,i'u_k(v_i) >= -sum_i max over the limits of -N_k,i'u.
         """
         spec, L, N = self.spec, moment_root(self.spec.initial), len(self.moves)
@@ -78,28 +94,39 @@ class Lagrangian:
         n = self.plant.n
         x = rollout(self.plant.A, self.plant.B, np.eye(n, n + 1), self.moves) @ L  # as in exact arithmetic: `exact_lower`
         below = minorant(self.plant, spec, spec.Q, x, u, reach @ np.abs(L))
-        H, h = spec.inputs.H, spec.inputs.h
-        value = float(np.sum(below.state * L[:-1]) - below.offset.sum() - self.multipliers @ h[self.cuts.facet])
-        sizes = float(np.sum(np.abs(below.state * L[:-1]))) + float(self.multipliers @ np.abs(h[self.cuts.facet]))
+        h = spec.inputs.h[self.cuts.facet]
+        value = float(np.sum(below.state * L[:-1]) - below.offset.sum() - self.multipliers @ h)
+        forces, absolute = self.forces(below.inputs, L)
+        sizes = float(np.sum(np.abs(below.state * L[:-1])) + self.multipliers @ np.abs(h) + np.sum(absolute * reach))
         lost = float(below.slack.sum())
-        for k, frame in enumerate(frames):
-            mine = self.cuts.move == k
-            forces = (self.multipliers[mine] * H[self.cuts.facet[mine]].T, extended(self.cuts.point[:, mine]).T)
-            M = below.inputs[k] @ L.T + forces[0] @ forces[1]
+        for M, frame in zip(forces, frames, strict=True):
             N_k = frame.on_anchors(M)
             value -= float(np.sum(spec.inputs.support(-N_k)))
             if not isinstance(spec.inputs, Box):
                 lost += _VERTEX_TOL * float(np.sum(np.abs(N_k) * self.reach[:, None]))
-            absolute = np.abs(below.inputs[k]) @ np.abs(L.T) + np.abs(forces[0]) @ np.abs(forces[1])
-            sizes += float(np.sum(absolute * reach[k])) + frame.rounding(M, self.reach)
+            sizes += frame.rounding(M, self.reach)
             lost += frame.missed(M, self.reach)
-        terms = n + self.multipliers.size + 16 + _moment_rounding(spec.initial)
+        terms = n + self.multipliers.size + 16 + moment_rounding(spec.initial)
+        terms += 0 if self.ties is None else n + self.hidden.shape[1]
         return value, lost + 4 * UNIT * terms * (sizes + abs(value))
 
+    def forces(self, slopes: Array, L: Array) -> tuple[Array, Array]:
+        """Return M (N, m, n + 1) from the slopes (N, m, s), and the sums of absolute values of what is added up in it.
 
-def _moment_rounding(initial: Distribution) -> float:
-    # By how many units the covariance may be off, relative to itself: an ellipsoid's is an inverse.
-    support = initial.support
-    if isinstance(initial, Uniform) and isinstance(support, Ellipsoid):
-        return support.dimension * float(np.linalg.cond(support.P))
-    return 0.0
+        Hidden states rounded to floats are off by one unit of theirs, as a sum of one more term would be.
+        """
+        assert self.spec.inputs is not None
+        M, sizes = slopes @ L.T, np.abs(slopes) @ np.abs(L.T)
+        for k in range(len(M)):
+            mine = self.cuts.move == k
+            pushes = self.multipliers[mine] * self.spec.inputs.H[self.cuts.facet[mine]].T
+            points = extended(self.cuts.point[:, mine]).T
+            M[k] += pushes @ points
+            sizes[k] += np.abs(pushes) @ np.abs(points)
+        if self.ties is not None:
+            A, Z = self.plant.A, self.hidden.astype(float)
+            M[:, :, :-1] += tying_forces(self.ties, Z, A)
+            sizes[:, :, :-1] += tying_forces(np.abs(self.ties), np.abs(Z), -np.abs(A))
+        return M, sizes
+
+

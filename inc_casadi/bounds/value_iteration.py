@@ -13,6 +13,7 @@ from ..blocks import exact
 from ..errors import InvalidInputError
 from ..figures import at_least
 from ..plant import Plant
+from ..sets import Distribution, Ellipsoid, Uniform
 from ..spec import Spec
 from .bound import Bound
 from .exact_steps import second_moment, unproved_steps
@@ -113,7 +114,7 @@ class UnlimitedBound(Bound):
 
     def dual(self) -> tuple[float, float]:
         """Return tr(P S0) and its rounding allowance."""
-        return weighed(value_iteration(self.plant, self.spec, self.steps)[0][-1], self.spec.initial.second_moment)
+        return weighed(value_iteration(self.plant, self.spec, self.steps)[0][-1], self.spec.initial)
 
     def exact_value(self) -> Fraction | str:
         """Return tr(P S0) in Fractions, each step of value iteration settled exactly (`unproved_steps`), or why not."""
@@ -125,13 +126,28 @@ class UnlimitedBound(Bound):
         return Fraction(np.sum(exact(P[-1]) * S0))
 
 
-def weighed(P: Array, S0: Array) -> tuple[float, float]:
-    """Return tr(P S0) and a bound on its rounding.
+def weighed(P: Array, initial: Distribution) -> tuple[float, float]:
+    """Return tr(P S0) and a bound on its rounding, that of the second moment S0 included.
 
-    >>> weighed(np.eye(2), np.eye(2))[0]
-    2.0
+    >>> from inc_casadi import Box, Uniform
+    >>> weighed(np.eye(2), Uniform(Box([-1, -1], [1, 1])))[0]
+    0.6666666666666666
     """
-    return float(np.sum(P * S0)), 8 * UNIT * P.size * float(np.sum(np.abs(P * S0)))
+    terms, units = P * initial.second_moment, P.size + moment_rounding(initial)
+    return float(np.sum(terms)), 8 * UNIT * units * float(np.sum(np.abs(terms)))
+
+
+def moment_rounding(initial: Distribution) -> float:
+    """Return by how many units of rounding the covariance may be off, relative to itself: an ellipsoid's is an inverse.
+
+    >>> from inc_casadi import Ellipsoid, Uniform
+    >>> moment_rounding(Uniform(Ellipsoid([[1, 0], [0, 4]])))
+    8.0
+    """
+    support = initial.support
+    if isinstance(initial, Uniform) and isinstance(support, Ellipsoid):
+        return support.dimension * float(np.linalg.cond(support.P))
+    return 0.0
 
 
 def unlimited(plant: Plant, spec: Spec, steps: int | None = None) -> UnlimitedBound:
@@ -143,7 +159,7 @@ def unlimited(plant: Plant, spec: Spec, steps: int | None = None) -> UnlimitedBo
     """
     begun = perf_counter()
     count = settled_steps(plant, spec) if steps is None else steps
-    value, allowance = weighed(value_iteration(plant, spec, count)[0][-1], spec.initial.second_moment)
+    value, allowance = weighed(value_iteration(plant, spec, count)[0][-1], spec.initial)
     return UnlimitedBound(plant, spec, value - allowance, perf_counter() - begun, count)
 
 

@@ -14,7 +14,7 @@ from .row import CERTIFIED, VIOLATED, Row
 from .sentences import beaten, nearness, sentence, short_of
 
 ASSUMED = ("Assumed throughout: the model x+ = A x + B u, y = C x as given; limits kept at all times from every initial "
-           "state; linear controllers of any finite order, started from a fixed state.")
+           "state; linear controllers are time-invariant, of any finite order, started from a fixed state.")
 NOT_CLAIMED = ("That a controller beats every static nonlinear law is not claimed and cannot be true of all of them "
                "(prop:no_arbitrary_sof): its distance to the best possible is stated instead.")
 

@@ -5,6 +5,7 @@ import pytest
 
 from inc_casadi import Box, Plant, Spec
 from inc_casadi.bounds import affine_moves, any_controller, first_move
+from inc_casadi.linear.best_dynamic import best_dynamic_linear
 from inc_casadi.linear.static_gain import best_static_gain
 
 SCALAR = Plant(1.5, 1.0)
@@ -117,6 +118,9 @@ def test_genuine_of(alpha):
     plant = Plant([[1.5, 0.0], [0.0, alpha]], [[1.0], [0.0]], C=[[1.0, 0.0]])
     spec = Spec(np.diag([1.0, 0.0]), 0.0, 0.9, Box([-1, -2], [1, 3]), LIMITS)
     assert first_move(plant, spec).value == pytest.approx(1 / 3 + 0.9 / 12, abs=1e-6)
+    dynamic = affine_moves(plant, spec, 12)  # the moves of time-invariant controllers, for the second state is not measured
+    assert dynamic.ties is not None and dynamic.prove() and dynamic.value == pytest.approx(1 / 3 + 0.9 / 12, abs=1e-6)
+    assert saturated_cost(0.9, 0.0) < dynamic.value < best_dynamic_linear(plant, spec).bound < dynamic.value + 1e-6
     assert best_static_gain(plant, spec).cost == pytest.approx(1 / (3 * (1 - 0.9 / 4)), rel=1e-6)
     assert any_controller(plant, spec).value <= saturated_cost(0.9, 0.0)
 

@@ -83,9 +83,13 @@ def test_relaxed_is_the_full_state_bound_and_no_larger(seed):
 def test_the_statement_says_whom_it_covers():
     plant, spec = draw(0)
     full = Plant(plant.A, plant.B)
-    assert "finite order that measures y = C x, started" in affine_moves(plant, spec, 2).statement
-    assert "finite order, whatever it measures, started" in affine_moves(plant, spec, 2, relaxed=True).statement
-    assert "finite order, started" in affine_moves(full, spec, 2, relaxed=True).statement
+    said = "Every linear time-invariant controller of any finite order that measures y = C x, started"
+    assert said in affine_moves(plant, spec, 2).statement
+    even = ", even a time-varying one, started"
+    varying = affine_moves(plant, spec, 2, time_varying=True)
+    assert "Every linear controller of any finite order that measures y = C x" + even in varying.statement
+    assert "finite order, whatever it measures" + even in affine_moves(plant, spec, 2, relaxed=True).statement
+    assert "finite order" + even in affine_moves(full, spec, 2, relaxed=True).statement
 
 
 KNOWN = {
@@ -95,13 +99,13 @@ KNOWN = {
 }
 
 
-@pytest.mark.parametrize("free", [False, True], ids=["output", "state"])
+@pytest.mark.parametrize("kind, options", [("free", {"relaxed": True}), ("rows", {"time_varying": True}), ("tied", {})])
 @pytest.mark.parametrize("initial", KNOWN.values(), ids=KNOWN)
-def test_a_program_on_trajectories_has_the_same_minimum(initial, free):
+def test_a_program_on_trajectories_has_the_same_minimum(initial, kind, options):
     plant, spec = draw(3, initial)
     states, weights = with_moments(initial.mean, initial.covariance)
-    true = sampled_program(plant, spec, 3, states, weights, initial.vertices, free)
-    bound = affine_moves(plant, spec, 3, relaxed=free)
+    true = sampled_program(plant, spec, 3, states, weights, initial.vertices, kind)
+    bound = affine_moves(plant, spec, 3, **options)
     assert true * (1 - 1e-6) < bound.value < true * (1 + 1e-8)
 
 

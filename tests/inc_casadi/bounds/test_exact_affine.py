@@ -83,7 +83,7 @@ def exact_cost(plant, spec, U):
 @pytest.mark.parametrize("initial, full", [("empirical", True), ("empirical", False), ("plane", True), ("one state", False)])
 def test_no_admissible_moves_cost_less(initial, full):
     plant, spec = draw(3, initial, full=full)
-    bound = affine_moves(plant, spec, 2)
+    bound = affine_moves(plant, spec, 2, time_varying=True)
     rows = [np.eye(N)] * 2 if full else [plant.C, np.vstack([plant.C, plant.C @ plant.A])]
     rng, points = np.random.default_rng(4), exact(spec.initial.points)
     lower, upper = exact(spec.inputs.lower)[:, None], exact(spec.inputs.upper)[:, None]
