@@ -12,6 +12,7 @@ from inc_casadi.bounds import affine_moves, first_move
 from inc_casadi.bounds.exact_anchors import Span, nearly_flat, on_anchors
 from inc_casadi.bounds.frame import Frame
 from inc_casadi.bounds.measured import measured_rows
+from inc_casadi.bounds.value_iteration import unlimited
 
 N, M, P = 3, 2, 1
 BOX = Box([-1.0, -0.5, -2.0], [1.5, 0.5, 1.0])
@@ -184,6 +185,8 @@ def test_a_thin_ellipsoid_s_covariance_is_not_trusted_beyond_its_rounding(shape)
     plant, spec = draw(2, "box")
     bound = affine_moves(plant, replace(spec, initial=Ellipsoid(turn @ np.diag(shape) @ turn.T)), 2)
     assert bound.value > 0 and bound.holds() and bound.prove()
+    free = unlimited(bound.plant, bound.spec, 3)
+    assert free.holds() and free.prove()
 
 
 def test_anchors_that_do_not_span_the_states_are_refused():
