@@ -8,7 +8,7 @@ from time import perf_counter
 from typing import Any
 
 from benchmarks.plants import Case, suite
-from inc_casadi import INC, Box, bounds
+from inc_casadi import INC, Box
 from inc_casadi.comparison import Comparison, compare
 from inc_casadi.comparison.families import LINEAR
 from inc_casadi.comparison.row import CERTIFIED, LYAPUNOV, SIMULATED, VIOLATED, Cost, Finding, Row
@@ -24,7 +24,6 @@ CLIPPED, DYNAMIC, GAIN = "clipped", "dynamic linear", "static gain"
 CLASSES = {"any": "any >=", "linear": "linear >=", "static": "static >="}
 HEADINGS = ("plant", "n m p", *CLASSES.values(), CLIPPED, DYNAMIC, GAIN, "clipped beats", "inverted", "s")
 CELLS = 3000  # for the bound on any controller
-MOVES = (20, 40, 80)  # for that on linear ones, the best of three: slow plants need many, fast ones lose to rounding
 WIDTHS = (22, 6, 11, 11, 11, 12, 14, 12, 13, 8, 5)
 LEGEND = ("Costs are certified; ~ simulated, ! breaks the limits later on, ? not certified, - none found. "
           "A bound on a class is one on those within it.")
@@ -123,15 +122,10 @@ def clipped_law(case: Case) -> INC:
 def _line(name: str, case: Case, seconds: float) -> Line:
     begun = perf_counter()
     laws = {key: law for key, law in _laws(case).items() if law is not None}
-    found = compare(case.plant, case.spec, laws, budget=Budget(seconds=4 * seconds), cells=CELLS, moves=_moves(case),
-                    seconds=seconds)
+    found = compare(case.plant, case.spec, laws, budget=Budget(seconds=4 * seconds), cells=CELLS, seconds=seconds)
     dynamic = _tried(lambda: best_dynamic_linear(case.plant, case.spec))
     found = found if dynamic is None else replace(found, rows=(*found.rows, _row(dynamic)))
     return Line(name, found, perf_counter() - begun)
-
-
-def _moves(case: Case) -> int:
-    return max(MOVES, key=lambda N: float(bounds.affine_moves(case.plant, case.spec, N)))
 
 
 def _laws(case: Case) -> dict[str, Any]:

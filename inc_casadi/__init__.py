@@ -45,7 +45,7 @@ __all__ = [
     "Attraction", "Box", "Budget", "CenteredLogistic", "Certificate", "DeviationCost", "DiscountedCost", "Ellipsoid",
     "Empirical", "Gaussian", "INC", "INCError", "Identity", "InputSector", "Invariance", "L2Gain", "LeakyReLU", "Lifted",
     "Logistic", "MPC", "Margins", "Moments", "NormBounded", "Plant", "Polytope", "Polytopic", "ReLU", "Regional", "Robust",
-    "Saturation", "Spec", "Stability", "Tanh", "Together", "Uniform", "admissible_set", "bounds", "certify", "close_loop", "compare",
-    "equilibrium", "errors", "largest_difference", "largest_scale", "load", "reachable", "region_of_attraction",
+    "Saturation", "Spec", "Stability", "Tanh", "Together", "Uniform", "admissible_set", "bounds", "certify", "close_loop",
+    "compare", "equilibrium", "errors", "largest_difference", "largest_scale", "load", "reachable", "region_of_attraction",
     "regions", "save", "simulate",
 ]

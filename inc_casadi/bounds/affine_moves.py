@@ -26,13 +26,13 @@ from .measured import measured_rows
 from .tied import hidden_states, ties_count
 from .value_iteration import discrete, unlimited
 
-_ROUNDS = 12  # of adding violated constraints
+_ROUNDS, _HALVED = 12, 3  # of adding violated constraints; of halving between a horizon and one too long to solve
 _MOST_ROUNDING = 1e-6  # allowance for rounding, relative to the bound, beyond which other moves are tried as well
 _TOLD_APART = 0.1  # weight of the anchors beside the distribution in what makes functions orthonormal
 
 
 def affine_moves(plant: Any, spec: Spec, moves: int | None = None, *, relaxed: bool = False, time_varying: bool = False,
-                 tolerance: float = 1e-7, most: int = 64) -> Bound:
+                 tolerance: float = 1e-7, most: int = 128) -> Bound:
     """Return a lower bound on the expected cost of every admissible linear controller of any finite order.
 
     With xi_{k+1} = A_c xi_k + B_c y_k, u_k = C_c xi_k + D_c y_k and a fixed xi_0, every move is affine in x_0:
@@ -117,7 +117,8 @@ def affine_moves(plant: Any, spec: Spec, moves: int | None = None, *, relaxed: b
 
 
 def _rising(solve: Callable[[int], AffineMovesBound], n: int, tolerance: float, most: int) -> AffineMovesBound:
-    # Doubled horizons. The exact minima never fall, so one that does is beyond what the solver can do.
+    # Doubled horizons. The exact minima never fall, so one that does is beyond what the solver can do, and horizons
+    # between it and the one before are tried.
     found = [solve(1)]
     while len(found[-1].moves) < most:
         N = min(2 * len(found[-1].moves), most)
@@ -126,9 +127,26 @@ def _rising(solve: Callable[[int], AffineMovesBound], n: int, tolerance: float, 
         except SolverError:
             break
         if not found[-1].value - found[-2].value > tolerance * abs(found[-1].value) and N > n:
+            if found[-1].value < found[-2].value * (1 - tolerance):
+                found += _between(solve, found[-2], found[-1])
             break
+    found.sort(key=lambda bound: len(bound.moves))
     best = max(found, key=lambda bound: bound.value)
     return replace(best, horizons=tuple((len(bound.moves), bound.value) for bound in found))
+
+
+def _between(solve: Callable[[int], AffineMovesBound], best: AffineMovesBound, beyond: AffineMovesBound) -> list[AffineMovesBound]:
+    found, low, high = [], len(best.moves), len(beyond.moves)
+    for _ in range(_HALVED):
+        N = (low + high) // 2
+        if N == low:
+            break
+        found.append(solve(N))
+        if found[-1].value > best.value:
+            best, low = found[-1], N
+        else:
+            high = N
+    return found
 
 
 def _fixed(plant: Plant, spec: Spec, N: int, relaxed: bool, tied: bool) -> AffineMovesBound:

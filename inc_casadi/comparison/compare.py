@@ -42,8 +42,8 @@ def compare(plant: Any, spec: Spec, controllers: Mapping[str, Any] | None = None
         clipped regulator, the best static gain found, the scaled regulator
     bounds : the classes whose lower bounds are wanted
     budget : of the exact pieces of one controller
-    cells, moves, seconds : work for the bounds on any controller, on linear ones (None: until the bound stops rising), and on
-        static gains
+    cells, moves, seconds : work for the bounds on any controller, on linear ones (None: until the bound stops rising), and
+        on static gains
     samples : simulated starting points where nothing is certified
     seed : of the simulation and the searches
     prove : whether to settle everything rigorously at once, as `Comparison.proved` does later

@@ -50,8 +50,8 @@ def best_dynamic_linear(plant: Any, spec: Spec, moves: int = 20) -> LinearCost:
 
     Notes
     -----
-    `bounds.affine_moves` is a lower bound on what this is an upper one of; on the two-state plant they agree to 1e-8, with the
-    full state measured and with the first state alone.
+    `bounds.affine_moves` is a lower bound on what this is an upper one of; on the two-state plant they agree to 1e-8, with
+    the full state measured and with the first state alone.
 
     Examples
     --------
