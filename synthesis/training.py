@@ -4,29 +4,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inc_casadi.arrays import Array, number
+from inc_casadi.arrays import number
 from inc_casadi.errors import DimensionError, InvalidInputError
 from inc_casadi.inc import INC
 from inc_casadi.plant import Plant, as_plant
-from inc_casadi.sets import Polytope
+from inc_casadi.sets import Box, Polytope
 from inc_casadi.sets.rules import whole
 from inc_casadi.spec import Spec
 
-from .objective import Objective
-from .rollout import Parameters, Scenario, roll
-from .training_setup import COARSE, FINE, Setup, balanced, inscribed_box, row_bound, setup
+from .phases import FORMS, Form, Search
+from .rollout import Parameters
+from .training_setup import Setup, balanced, inscribed_box, row_bound, setup
 
-SHORT_HORIZON, SHORT_ITERATIONS = 2, 40
-_POOR = 4.0  # a start this many times above the cost without input limits is first brought near by a short horizon
 _GAIN = 1e-7  # relative; a smaller gain is noise of the estimate, and the start is the simpler law
-_BACKOFF, _TIGHTENED = 1.2, 3  # half-spaces are tightened by this much of the violation seen, at most so many times
+_STEPS = ("spectral", "adam")
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +34,10 @@ class Training:
     inc: the law to be used, clipped to the box of inputs (or the bounding box of a polytope) by a saturated readout;
     inner: the law without that readout, as it was trained; cost, start_cost: estimates of the discounted cost of `inc`
     and of the start, both with the input limits and on nodes that training did not see; violation: largest H u - h met
-    on the way when the inputs are a polytope, else 0; iterations: of IPOPT, all phases together; status: how the search
-    ended, in words; seconds: wall time; history: one dict(phase, iteration, cost, seconds) per iteration, with the cost
-    on that phase's nodes and horizon.
+    on the way there when the inputs are a polytope, else 0; state_violation: largest G x - g when states are constrained,
+    else 0; iterations: of all phases together; status: how the search ended, in words; seconds: wall time; history: one
+    dict(phase, iteration, cost, seconds) per iteration, with the cost on that phase's nodes and horizon. All of these are
+    rollouts of the law itself, whatever form the NLP had.
     """
 
     inc: INC
@@ -50,6 +49,7 @@ class Training:
     status: str
     seconds: float
     history: tuple[dict[str, Any], ...]
+    state_violation: float = 0.0
 
     @property
     def improved(self) -> bool:
@@ -59,10 +59,11 @@ class Training:
 
 def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: int | None = None,
           order: int | None = None, anchored: bool = True, frozen: Sequence[str] = (),
-          terminal: ArrayLike | None = None, method: str = "adjoint", hessian: str = "auto", max_iterations: int = 60,
+          terminal: ArrayLike | None = None, form: str = "shooting", method: str = "adjoint", hessian: str = "auto",
+          steps: str = "spectral", readout: bool = True, states: Box | Polytope | None = None, max_iterations: int = 60,
           time_limit: float | None = None, progress: Callable[[dict[str, Any]], None] | None = None,
           seed: int = 0) -> Training:
-    """Return the implicit controller that one NLP, solved by IPOPT, makes of a start (eq:training_problem, discounted).
+    """Return the implicit controller that one NLP makes of a start (eq:training_problem, discounted).
 
     min sum_i w_i [ sum_{k<T} beta^k (x_k'Q x_k + u_k'R u_k) + beta^T x_T'P x_T ] over W, U, V, K, b (and d), where x_0
     is node i of a quadrature of the initial distribution, subject to ||W||_inf <= kappa, which keeps every law well
@@ -73,7 +74,12 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
 
     The phases: a horizon of 2 steps, which the terminal cost makes a good guess, when the start is poor; the horizon on
     few nodes; the horizon on more. The best of start and phases on nodes that none of them saw is returned, so training
-    never makes it worse there. Smoothing is not used: kinks are left as they are.
+    never makes it worse there.
+
+    Three forms of the NLP. "shooting": IPOPT on the matrices alone, through rollouts and fixed points, kinks left as they
+    are. "lifted": IPOPT on states, preactivations and inputs too, with the loop as constraints; kinks are rounded and the
+    rounding is driven to zero; it takes a start that is far off, and constraints on states, but only q up to about 16.
+    "projected": gradient steps, W projected on the ball ||W||_inf <= kappa after each (Algorithm 1, step 2).
 
     Parameters
     ----------
@@ -89,11 +95,17 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
     frozen : names among W, U, V, K, b, d that keep the values of the start; W is then not bounded by kappa
     terminal : P (n, n) of the terminal cost, positive semidefinite; by default that of the discounted LQR, which for
         measured output is a surrogate: it is the cost that state feedback without limits would still have
-    method : "adjoint", NumPy with batched adjoints through CasADi callbacks, or "graph", CasADi alone: slower, for
-        reference
-    hessian : "gauss-newton" with Levenberg damping, "limited-memory", or "auto": the former while q is small
-    max_iterations : of IPOPT on the full horizon and few nodes; half as many follow on more nodes, and again for each
-        tightening of a polytope
+    form : "shooting", "lifted" or "projected"
+    method : of shooting: "adjoint", NumPy with batched adjoints through CasADi callbacks, or "graph", CasADi alone:
+        slower, for reference
+    hessian : of shooting: "gauss-newton" with Levenberg damping, "limited-memory", or "auto": the former while q is small
+    steps : of projected gradients: "spectral" with backtracking, or "adam" on a fixed schedule
+    readout : of the lifted form: False keeps the inputs at the nodes by constraints H u <= h on the law before its
+        readout, instead of training it through the readout; the law that is returned is clipped all the same
+    states : of the lifted form: a set that x_1, x_2, ... should keep, hard at the nodes and at the vertices of the initial
+        set, tightened as a polytope of inputs is; evidence and no proof
+    max_iterations : on the full horizon and few nodes; half as many follow on more nodes, and again for each
+        tightening of a polytope; projected gradients take five steps for each
     time_limit : seconds for the search, after which the best law so far is returned; the comparison at the end is extra
     progress : called with dict(phase, iteration, cost, seconds) after each iteration
     seed : of random nodes; with a time limit the result can depend on the machine
@@ -104,8 +116,8 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
 
     Raises
     ------
-    InvalidInputError : a continuous plant (use plant.sampled(dt)), kappa outside (0, 1), an unknown option, or
-        ||W||_inf of the start above kappa for good
+    InvalidInputError : a continuous plant (use plant.sampled(dt)), kappa outside (0, 1), an unknown option, one that
+        belongs to another form, or ||W||_inf of the start above kappa for good
     DimensionError : the start or the spec does not fit the plant
     NotStabilizableError : no controller has a finite cost
     SolverError : CasADi is missing
@@ -123,15 +135,16 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
     """
     began = time.perf_counter()
     plant = as_plant(plant)
-    _check(plant, spec, start, kappa, frozen, method, hessian)
+    _check(plant, spec, start, kappa, frozen)
+    chosen = _form(plant, form, method, hessian, steps, readout, states)
     limit = np.inf if time_limit is None else number("time_limit", time_limit, 0.0)
     pose = partial(_posed, plant, spec, kappa=kappa, horizon=horizon, order=order, anchored=anchored, frozen=frozen,
-                   terminal=terminal, seed=seed)
+                   terminal=terminal, seed=seed, states=states)
     problem, law = pose(start)
-    if isinstance(spec.inputs, Polytope) and np.any(problem.judge(law)[1] > 0.0):
+    if isinstance(spec.inputs, Polytope) and np.any(problem.split(problem.judge(law)[1])[0] > 0.0):
         # From outside the polytope IPOPT rarely comes in: begin with the start saturated to a box inside.
         problem, law = pose(start.with_saturated_output(inscribed_box(spec.inputs)))
-    search = _Search(problem, method, hessian, whole("max_iterations", max_iterations, 0), began, limit, progress)
+    search = Search(problem, chosen, whole("max_iterations", max_iterations, 0), began, limit, progress)
     return _best(search, law, search.run(law))
 
 
@@ -141,94 +154,25 @@ def _posed(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[
     return setup(plant, spec, start, kappa=kappa, frozen=frozen, **options), Parameters.of(start)
 
 
-@dataclass
-class _Search:
-    """The phases of one training, with what they have come to so far."""
-
-    setup: Setup
-    method: str
-    hessian: str
-    max_iterations: int
-    began: float
-    limit: float
-    progress: Callable[[dict[str, Any]], None] | None
-    status: str = "nothing searched"
-    history: list[dict[str, Any]] = field(default_factory=list)
-
-    @property
-    def seconds(self) -> float:
-        """Wall time since the training began."""
-        return time.perf_counter() - self.began
-
-    def run(self, law: Parameters) -> list[Parameters]:
-        """Return the laws that the phases end with, each phase beginning where the last one ended."""
-        laws: list[Parameters] = []
-        margin: Array | float = 0.0
-        fewer = (self.max_iterations + 1) // 2
-        phases = [("coarse", COARSE, self.max_iterations), ("fine", FINE, fewer)]
-        if self.setup.limits is not None:
-            phases += [("tightened", FINE, fewer)] * _TIGHTENED
-        begun = roll(self.setup.scenario(COARSE), law).cost
-        if not begun <= _POOR * self.setup.scale:
-            phases.insert(0, ("short", COARSE, SHORT_ITERATIONS))
-        for name, budget, iterations in phases:
-            if self.status == "interrupted" or iterations == 0 or self.seconds >= self.limit:
-                break
-            scenario = self.setup.scenario(budget, margin, SHORT_HORIZON if name == "short" else None)
-            found = self.setup.settled(self._phase(name, scenario, law, iterations))
-            if name == "short" and np.isfinite(begun) and roll(self.setup.scenario(COARSE), found).cost >= begun:
-                continue
-            law = found
-            laws.append(law)
-            excess = self.setup.judge(law)[1] if self.setup.limits is not None else np.zeros(0)
-            margin = margin + _BACKOFF * np.maximum(excess, 0.0)
-            if name in ("fine", "tightened") and np.all(excess <= 0.0):
-                break
-        return laws
-
-    def _phase(self, name: str, scenario: Scenario, law: Parameters, iterations: int) -> Parameters:
-        from .nlp import minimize
-
-        begun = self.seconds
-        sketch = self.setup.sketch(scenario)
-        objective = Objective(scenario, self.setup.layout, self.setup.scale, sketch)
-        hessian = self.hessian
-        if hessian == "auto":
-            hessian = "limited-memory" if sketch is None else "gauss-newton"
-
-        def row(iteration: int, cost: float, seconds: float) -> dict[str, Any]:
-            return {"phase": name, "iteration": iteration, "cost": cost, "seconds": begun + seconds}
-
-        def report(iteration: int, cost: float, seconds: float) -> None:
-            if self.progress is not None:
-                self.progress(row(iteration, cost, seconds))
-
-        outcome = minimize(objective, law, method=self.method, hessian=hessian, max_iterations=iterations,
-                           time_limit=None if np.isinf(self.limit) else self.limit - begun, progress=report)
-        self.status = outcome.status
-        self.history += [row(*values) for values in outcome.history]
-        return outcome.law
-
-
-def _best(search: _Search, start: Parameters, laws: list[Parameters]) -> Training:
-    """Return the law that leaves a polytope of inputs least, and of several the cheapest, judged on unseen nodes."""
+def _best(search: Search, start: Parameters, laws: list[Parameters]) -> Training:
+    """Return the law that leaves the sets of inputs and states least, and of several the cheapest, on unseen nodes."""
     problem = search.setup
     judged = [problem.judge(law) for law in (start, *laws)]
     excess = [float(np.max(rows, initial=0.0)) for _, rows in judged]
     costs = np.array([cost for cost, _ in judged])
     costs[0] *= 1.0 - _GAIN
     best = min(range(len(judged)), key=lambda i: (excess[i], costs[i]))
+    inputs, states = problem.split(judged[best][1])
     inner = problem.inner((start, *laws)[best])
     status = search.status if best else f"the start is kept ({search.status})"
     return Training(
         inc=inner if problem.box is None else inner.with_saturated_output(problem.box), inner=inner,
-        cost=judged[best][0], start_cost=judged[0][0], violation=excess[best],
+        cost=judged[best][0], start_cost=judged[0][0], violation=float(np.max(inputs, initial=0.0)),
         iterations=sum(row["iteration"] > 0 for row in search.history), status=status, seconds=search.seconds,
-        history=tuple(search.history))
+        history=tuple(search.history), state_violation=float(np.max(states, initial=0.0)))
 
 
-def _check(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[str], method: str,
-           hessian: str) -> None:
+def _check(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[str]) -> None:
     if not plant.discrete:
         raise InvalidInputError("training rolls the loop out in discrete time, but the plant is continuous (dt = 0): "
                                 "sample it first, plant.sampled(dt)")
@@ -242,7 +186,26 @@ def _check(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[
     unknown = set(frozen) - set(Parameters._fields)
     if isinstance(frozen, str) or unknown:
         raise InvalidInputError(f"frozen must list names among {', '.join(Parameters._fields)}, not {frozen!r}")
-    if method not in ("adjoint", "graph"):
-        raise InvalidInputError(f"method is {method!r}, but must be 'adjoint' or 'graph'")
-    if hessian not in ("auto", "gauss-newton", "limited-memory"):
-        raise InvalidInputError(f"hessian is {hessian!r}, but must be 'auto', 'gauss-newton' or 'limited-memory'")
+
+
+def _form(plant: Plant, form: str, method: str, hessian: str, steps: str, readout: bool,
+          states: Box | Polytope | None) -> Form:
+    hessians = ("auto", "gauss-newton", "limited-memory")
+    for name, value, allowed in (("form", form, FORMS), ("method", method, ("adjoint", "graph")),
+                                 ("hessian", hessian, hessians), ("steps", steps, _STEPS)):
+        if value not in allowed:
+            raise InvalidInputError(f"{name} is {value!r}, but must be one of {', '.join(map(repr, allowed))}")
+    given = Form(form, method, hessian, steps, bool(readout))
+    plain, home = Form(), {"method": "shooting", "hessian": "shooting", "steps": "projected", "readout": "lifted"}
+    for name, where in home.items():
+        if form != where and getattr(given, name) != getattr(plain, name):
+            raise InvalidInputError(f"{name} belongs to the form {where!r}, but the form is {form!r}")
+    if states is None:
+        return given
+    if form != "lifted":
+        raise InvalidInputError(f"constraints on states belong to the form 'lifted', but the form is {form!r}")
+    if not isinstance(states, (Box, Polytope)):
+        raise InvalidInputError(f"states must be a Box or a Polytope, not {type(states).__name__}")
+    if states.dimension != plant.n:
+        raise DimensionError(f"states has dimension {states.dimension}, but the plant has n = {plant.n} states")
+    return given

@@ -19,11 +19,13 @@ from inc_casadi.sets import Box, Distribution, Empirical, Polytope
 from inc_casadi.sets.rules import whole
 from inc_casadi.spec import Spec
 
+from .ball import project_rows
 from .objective import Layout
 from .rollout import Parameters, Scenario, hidden, roll
 from .starts.random_start import input_range, measurement_range
 
 COARSE, FINE, JUDGE = 130, 400, 900  # most nodes of the first phase, the last phase, and the judge
+LIFTED_COARSE, LIFTED_FINE = 25, 50  # the same for the lifted form, whose NLP grows with them
 _HESSIAN_WORK, _HESSIAN_NODES = 5e8, 40  # multiplications that one Hessian may take; fewest nodes it is thinned to
 _PENALTY = 100.0  # on inputs outside a polytope: this many times the cost scale, at once the polytope's size outside
 _MOST_VERTICES = 64
@@ -35,7 +37,8 @@ class Setup:
 
     units: activations of the law; terminal (n, n); scale: the cost that LQR without limits would have; layout: of the
     variables; box: the inputs, or the bounding box of a polytope, to which the law is clipped; limits: (H, h), the
-    half-spaces of the polytope that cut into its bounding box, None if there are none.
+    half-spaces of the polytope that cut into its bounding box, None if there are none; states: (G, g), the half-spaces
+    that states should keep; gain (m, n): of the discounted LQR.
     """
 
     plant: Plant
@@ -50,10 +53,28 @@ class Setup:
     layout: Layout
     box: Box | None
     limits: tuple[Array, Array] | None
+    states: tuple[Array, Array] | None
+    gain: Array
 
-    def scenario(self, budget: int, margin: Array | float = 0.0, steps: int | None = None) -> Scenario:
-        """Return the scenario on at most `budget` nodes, its half-spaces of the inputs tightened by a margin."""
+    def split(self, excess: Array) -> tuple[Array, Array]:
+        """Return the entries of a vector over all half-spaces that concern inputs, and those that concern states."""
+        cut = 0 if self.limits is None else self.limits[1].size
+        return excess[:cut], excess[cut:]
+
+    @property
+    def rows(self) -> int:
+        """Number of half-spaces that are watched: those of inputs that cut into their box, and those of states."""
+        return sum(pair[1].size for pair in (self.limits, self.states) if pair is not None)
+
+    def scenario(self, budget: int, margin: Array | float = 0.0, steps: int | None = None, *,
+                 corners: bool = False) -> Scenario:
+        """Return the scenario on at most `budget` nodes, its half-spaces of the inputs tightened by a margin.
+
+        corners: the vertices of the initial set are nodes too, without weight, for what must hold from there.
+        """
         nodes, weights = nodes_of(self.spec.initial, budget, self.seed, self.order)
+        if corners:
+            nodes, weights = self._with_corners(nodes, weights)
         plain = self._scenario(nodes, weights, self.horizon if steps is None else steps, self.anchored)
         if self.limits is None or self.box is None:
             return plain
@@ -73,16 +94,21 @@ class Setup:
             scenario, nodes=thin.nodes, weights=thin.weights)
 
     def judge(self, law: Parameters) -> tuple[float, Array]:
-        """Return the cost of a law and the largest H u - h per half-space, on nodes that no phase trains on."""
+        """Return the cost of a law and the largest H u - h and G x - g per half-space, on nodes that no phase trains on.
+
+        The initial state is no law's doing and not among the states.
+        """
         motion = roll(self._judge, law)
-        if self.limits is None:
-            return motion.cost, np.zeros(0)
-        H, h = self.limits
-        excess = np.max(motion.u @ H.T - h, axis=(0, 1))
-        return motion.cost, np.where(np.isnan(excess), np.inf, excess)
+        seen = [(motion.u, self.limits), (motion.x[1:], self.states)]
+        with np.errstate(over="ignore", invalid="ignore"):
+            excess = [np.max(points @ pair[0].T - pair[1], axis=(0, 1)) for points, pair in seen if pair is not None]
+        worst = np.concatenate(excess) if excess else np.zeros(0)
+        return motion.cost, np.where(np.isnan(worst), np.inf, worst)
 
     def settled(self, law: Parameters) -> Parameters:
-        """Return the law with its d written out: -V eta(0) when it is anchored."""
+        """Return the law with its d written out, -V eta(0) when it is anchored, and ||W||_inf <= kappa to the last bit."""
+        if self.layout.rows.size:
+            law = law._replace(W=project_rows(law.W, self.layout.kappa))
         if not self.anchored:
             return law
         eta, _ = hidden(self._judge, law.W, law.b[None], np.zeros((1, law.b.size)))
@@ -97,10 +123,13 @@ class Setup:
         order = None if self.order is None else 2 * self.order + 1
         budget = int(JUDGE * min(1.0, 12 / max(len(self.units), 1)))
         nodes, weights = nodes_of(self.spec.initial, budget, self.seed + 1, order)
-        if self.limits is not None:
-            corners = _corners(self.spec.initial)
-            nodes, weights = np.hstack([nodes, corners]), np.concatenate([weights, np.zeros(corners.shape[1])])
+        if self.rows:
+            nodes, weights = self._with_corners(nodes, weights)
         return self._scenario(nodes, weights, max(100, 4 * self.horizon), False)
+
+    def _with_corners(self, nodes: Array, weights: Array) -> tuple[Array, Array]:
+        corners = _corners(self.spec.initial)
+        return np.hstack([nodes, corners]), np.concatenate([weights, np.zeros(corners.shape[1])])
 
     def _scenario(self, nodes: Array, weights: Array, steps: int, anchored: bool) -> Scenario:
         plant, spec = self.plant, self.spec
@@ -111,7 +140,7 @@ class Setup:
 
 
 def setup(plant: Plant, spec: Spec, start: INC, *, kappa: float, horizon: int | None, order: int | None, anchored: bool,
-          frozen: Sequence[str], terminal: ArrayLike | None, seed: int) -> Setup:
+          frozen: Sequence[str], terminal: ArrayLike | None, seed: int, states: Box | Polytope | None = None) -> Setup:
     """Return the training problem of a start; the arguments are those of `train`."""
     K, P = discounted_lqr(plant, spec)
     S0 = spec.initial.second_moment
@@ -130,7 +159,8 @@ def setup(plant: Plant, spec: Spec, start: INC, *, kappa: float, horizon: int | 
         plant, spec, start.activations, P if terminal is None else symmetric("terminal", terminal, plant.n, "semi"),
         scale if scale > 0 else 1.0,
         default_horizon(plant, spec, K) if horizon is None else whole("horizon", horizon, 1),
-        None if order is None else whole("order", order, 1), anchored, seed, layout, *_box_and_limits(spec.inputs))
+        None if order is None else whole("order", order, 1), anchored, seed, layout, *_box_and_limits(spec.inputs),
+        None if states is None else (states.H, states.h), K)
 
 
 def _box_and_limits(inputs: Box | Polytope | None) -> tuple[Box | None, tuple[Array, Array] | None]:

@@ -7,6 +7,8 @@ from .imports import imports
 from .main_job import main_job
 from .measurement import Measurement, table
 from .pieces import pieces, pieces_table
+from .training import quick_training, training, training_table
 
 __all__ = ["Measurement", "certification", "certification_table", "certification_targets",
-           "evaluation", "exact_cost", "imports", "main_job", "pieces", "pieces_table", "table"]
+           "evaluation", "exact_cost", "imports", "main_job", "pieces", "pieces_table", "quick_training", "table",
+           "training", "training_table"]

@@ -14,7 +14,7 @@ import numpy as np
 from inc_casadi import Box, Plant, Spec
 from synthesis import synthesize
 spec = Spec(np.eye(2), [[0.05]], 0.98, Box([-0.8, -0.8], [0.8, 0.8]), Box([-1], [1]))
-result = synthesize(Plant([[1.1, 1.0], [0.0, 1.02]], [[0.2], [0.5]]), spec, hidden=2, verbose=False)
+result = synthesize(Plant([[1.1, 1.0], [0.0, 1.02]], [[0.2], [0.5]]), spec, hidden=2, tol=0.0, verbose=False)
 print(json.dumps([result.status, result.cost, [one.note for one in result.history] + list(result.notes)]))
 """
 

@@ -9,8 +9,10 @@ import oracles
 import pytest
 
 from inc_casadi import INC, LeakyReLU, ReLU, Saturation, Tanh
-from synthesis.nlp import _Stop, _Watch, graph_value
+from synthesis.ipopt import Stop, Watch
+from synthesis.nlp import graph_value
 from synthesis.objective import Layout, Objective, flat, unflat
+from synthesis.outcome import Track
 from synthesis.rollout import Parameters, Scenario, gradient, hidden, roll
 from synthesis.sensitivities import gauss_newton
 
@@ -179,14 +181,14 @@ def test_a_fixed_point_that_does_not_exist_is_not_made_up():
     assert np.isnan(eta[0, 0]) and eta[1, 0] == 0.0
 
 
-def test_the_watch_keeps_the_best_iterate_and_not_the_last():
+def test_the_track_keeps_the_best_iterate_and_not_the_last():
     _, parameters = law()
-    layout = Layout.of(parameters, parameters, ("d",), 0.9)
-    watch = _Watch(Objective(scenario()[1], layout, 2.0), _Stop(), None)
+    layout, track, stop = Layout.of(parameters, parameters, ("d",), 0.9), Track(), Stop()
+    watch = Watch(layout.size, len(layout.rows), lambda x, f: track.note(layout.parameters(x), f), stop)
     for cost in (3.0, 1.0, 2.0):
-        watch.eval([ca.DM(np.full(layout.size, cost)), ca.DM(np.log1p(cost / 2.0)), ca.DM.zeros(len(layout.rows))])
-    assert watch.best[0] == 1.0
-    assert [cost for _, cost, _ in watch.history] == pytest.approx([3.0, 1.0, 2.0])
+        watch.eval([ca.DM(np.full(layout.size, cost)), ca.DM(cost), ca.DM.zeros(len(layout.rows))])
+    np.testing.assert_allclose(track.best.b, parameters.b)
+    assert [cost for _, cost, _ in track.history] == [3.0, 1.0, 2.0]
 
 
 def test_a_diverging_loop_has_an_infinite_cost_and_no_warning():

@@ -117,8 +117,8 @@ def test_output_feedback_improves_a_static_gain():
 @pytest.mark.parametrize("unit", [Tanh(), Saturation(), Logistic()], ids=str)
 def test_other_activations_keep_the_origin_and_never_make_it_worse(unit):
     plant, spec = small()
-    for seed in range(2):
-        result = train(plant, spec, random_start(plant, spec, 3, unit, seed=seed), **QUICK)
+    for seed, form in ((0, "shooting"), (1, "projected")):
+        result = train(plant, spec, random_start(plant, spec, 3, unit, seed=seed), form=form, **QUICK)
         assert result.cost <= result.start_cost
         assert np.max(np.abs(result.inc(np.zeros(2)))) < 1e-9
         assert result.inner.well_posedness().norm <= 0.95
@@ -160,9 +160,10 @@ def test_a_polytope_of_inputs_is_kept_on_unseen_states_and_used_beyond_its_box()
     assert cost < THREE_STATE_OPTIMUM - 0.2
 
 
-def test_training_repeats_itself():
+@pytest.mark.parametrize("form", ["shooting", "projected"])
+def test_training_repeats_itself(form):
     plant, spec = small()
-    first, again = (train(plant, spec, random_start(plant, spec, 3, seed=1), **QUICK) for _ in range(2))
+    first, again = (train(plant, spec, random_start(plant, spec, 3, seed=1), form=form, **QUICK) for _ in range(2))
     assert first.cost == again.cost and np.array_equal(first.inner.U, again.inner.U)
 
 
@@ -259,6 +260,15 @@ def test_the_judge_sees_other_nodes_than_training():
     assert problem.judge(Parameters.of(start))[0] > 0
 
 
+def test_a_settled_law_meets_the_norm_bound_to_the_last_bit():
+    plant, spec = small()
+    start = random_start(plant, spec, 3, seed=1)
+    problem, law = posed(plant, spec, start), Parameters.of(start)
+    over = law._replace(W=law.W * (0.9 + 1e-8) / np.abs(law.W).sum(axis=1, keepdims=True))
+    assert np.max(np.abs(over.W).sum(axis=1)) > 0.9 >= np.max(np.abs(problem.settled(over).W).sum(axis=1))
+    assert np.array_equal(problem.settled(law).W, law.W)
+
+
 def test_the_work_of_a_hessian_is_bounded():
     plant, spec = three_state()
     sizes = []
@@ -270,7 +280,7 @@ def test_the_work_of_a_hessian_is_bounded():
 
 
 def test_casadi_missing(monkeypatch):
-    for name in ("synthesis.nlp", "inc_casadi.graph"):
+    for name in ("synthesis.nlp", "synthesis.ipopt", "inc_casadi.graph"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     monkeypatch.setitem(sys.modules, "casadi", None)
     plant, spec = small()
@@ -286,13 +296,18 @@ def test_refusals():
             train(plant, spec, start, kappa=kappa)
     with pytest.raises(InvalidInputError, match=r"plant.sampled\(dt\)"):
         train(Plant(plant.A, plant.B, dt=0.0), spec, start)
+    with pytest.raises(DimensionError, match="states has dimension 1, but the plant has n = 2"):
+        train(plant, spec, start, form="lifted", states=Box(-1, 1))
     with pytest.raises(DimensionError, match="start maps 1 measurements"):
         train(plant, spec, INC.linear([[1.0]]))
     with pytest.raises(InvalidInputError, match="start must be an INC"):
         train(plant, spec, np.eye(2))
     for options in ({"frozen": "W"}, {"frozen": ("w",)}, {"method": "magic"}, {"hessian": "exact"}, {"horizon": 0},
                     {"order": 0}, {"max_iterations": -1}, {"time_limit": -1.0}, {"terminal": -np.eye(2)},
-                    {"frozen": ("W", "U", "V", "K", "b")}):
+                    {"frozen": ("W", "U", "V", "K", "b")}, {"form": "magic"}, {"form": "projected", "method": "graph"},
+                    {"form": "lifted", "hessian": "limited-memory"}, {"steps": "adam"}, {"readout": False},
+                    {"form": "projected", "steps": "sgd"}, {"states": Box([-1, -1], [1, 1])},
+                    {"form": "lifted", "states": np.eye(2)}):
         with pytest.raises(InvalidInputError):
             train(plant, spec, start, **options)
     with pytest.raises(InvalidInputError, match="above the bound"):
