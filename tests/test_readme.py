@@ -11,7 +11,7 @@ README = Path(__file__).parents[1] / "README.md"
 def test_the_readme_code_runs_and_gives_the_figures_it_states(tmp_path, monkeypatch, capsys):
     text = README.read_text(encoding="utf-8")
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    assert len(blocks) == 4 and len(blocks[0].strip().splitlines()) <= 14
+    assert len(blocks) == 5 and len(blocks[0].strip().splitlines()) <= 14
     monkeypatch.chdir(tmp_path)
     names: dict = {}
     exec(compile(blocks[0], "README.md", "exec"), names)
@@ -68,3 +68,13 @@ def test_the_fourth_block_says_the_sentence(tmp_path, monkeypatch, capsys):
     assert found.cost_of("best linear found") < 2.116764 and found.cost_of("best gain found") < 3.347185
     assert 3.3137 < found.floor("static").value and "at least 3.3137" in text and "3.347184" in text
     assert found.inversions() == () and (tmp_path / "comparison.png").exists()
+
+
+def test_the_fifth_block_certifies_an_observer_with_a_neural_readout(capsys):
+    text = README.read_text(encoding="utf-8")
+    block = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)[4]
+    names: dict = {}
+    exec(compile(block, "README.md", "exec"), names)
+    printed = capsys.readouterr().out
+    assert "at most 1.515142 in expectation" in printed and "at least 2.099943" in printed and "succeeded=True" in printed
+    assert "at most 1.515142, where every linear controller, of any order, costs at least 2.099943" in text
