@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -13,6 +14,9 @@ from inc_casadi.claims import DiscountedCost, Regional
 from inc_casadi.errors import InvalidInputError, SolverError
 from inc_casadi.output_range import output_range, within_limits
 from inc_casadi.pieces.walk import Budget
+from inc_casadi.regional_certificate import certify_region
+
+from .causes import Cause, cause_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,13 +24,14 @@ class Verdict:
     """What the gate says of a candidate.
 
     certificate: the one that holds with the lowest cost, or None; cost: its certified expected cost, infinite without;
-    proofs: what is proved, in words; refusals: what is not, each with its reason.
+    proofs: what is proved, in words; refusals: what is not, each with its reason; causes: the same, one word each.
     """
 
     certificate: Certificate | None
     cost: float
     proofs: tuple[str, ...]
     refusals: tuple[str, ...]
+    causes: tuple[Cause, ...] = ()
 
     @property
     def accepted(self) -> bool:
@@ -42,54 +47,68 @@ def gate(plant: Plant, spec: Spec, inc: INC, budget: Budget | None = None) -> Ve
     """
     posed = inc.well_posedness()
     if not posed.holds:
-        return Verdict(None, np.inf, (), (f"well-posedness: {posed.test}",))
-    proofs = [f"well posed: {posed.test}"]
-    refusals: list[str] = []
+        return Verdict(None, np.inf, (), (f"well-posedness: {posed.test}",), (Cause.ILL_POSED,))
+    proofs = (f"well posed: {posed.test}",)
+    refused: list[Refused] = []
     for attempt in (_by_pieces, _by_inequality):
-        certificate, words, why = attempt(plant, spec, inc, budget)
-        if certificate is not None:
-            return Verdict(certificate, certificate.bound, (*proofs, *words), tuple(refusals))
-        refusals.append(why)
-    return Verdict(None, np.inf, tuple(proofs), tuple(refusals))
+        found = attempt(plant, spec, inc, budget)
+        if isinstance(found, Passed):
+            reasons, causes = tuple(one.reason for one in refused), tuple(one.cause for one in refused)
+            return Verdict(found.certificate, found.certificate.bound, (*proofs, *found.words), reasons, causes)
+        refused.append(found)
+    return Verdict(None, np.inf, proofs, tuple(one.reason for one in refused), tuple(one.cause for one in refused))
 
 
-Attempted = tuple[Certificate | None, list[str], str]
+class Passed(NamedTuple):
+    """What one way of proof gave: a certificate that holds, and what it proves in words."""
+
+    certificate: Certificate
+    words: list[str]
 
 
-def _by_pieces(plant: Plant, spec: Spec, inc: INC, budget: Budget | None) -> Attempted:
+class Refused(NamedTuple):
+    """Why one way of proof gave nothing."""
+
+    reason: str
+    cause: Cause
+
+
+def _by_pieces(plant: Plant, spec: Spec, inc: INC, budget: Budget | None) -> Passed | Refused:
     if not isinstance(spec.initial, Uniform) or not isinstance(spec.initial.support, Box | Polytope):
-        return None, [], "exact pieces: the initial distribution is not uniform over a polytope"
+        return Refused("exact pieces: the initial distribution is not uniform over a polytope", Cause.HOPELESS)
     claim = Regional(spec.initial, spec.inputs, spec.Q, spec.R, spec.discount)
     try:
-        certificate = certify(plant, inc, claim, budget=budget)
+        certificate = certify_region(plant, inc, claim, budget)
         reason = certificate.reason
     except InvalidInputError as error:  # a box of many dimensions has too many simplices
-        return None, [], f"exact pieces: {error}"
+        return Refused(f"exact pieces: {error}", Cause.HOPELESS)
     if reason:
-        return None, [], f"exact pieces: {reason}"
+        return Refused(f"exact pieces: {reason}", cause_of(certificate))
     if not np.isfinite(certificate.bound):
-        return None, [], f"exact pieces: the expected cost is not worked out in {plant.n} dimensions"
-    pieces = len(certificate.walk.arrived)  # type: ignore[attr-defined]
+        return Refused(f"exact pieces: the expected cost is not worked out in {plant.n} dimensions", Cause.HOPELESS)
+    assert certificate.walk is not None
+    pieces = len(certificate.walk.arrived)
     words = [f"converges from every initial state: exact subdivision, {pieces} pieces"]
     if spec.inputs is not None:
         words.insert(0, "input limits kept on every motion: exact subdivision")
-    return certificate, [*words, "expected and worst cost: exact subdivision"], ""
+    return Passed(certificate, [*words, "expected and worst cost: exact subdivision"])
 
 
-def _by_inequality(plant: Plant, spec: Spec, inc: INC, _: Budget | None) -> Attempted:
+def _by_inequality(plant: Plant, spec: Spec, inc: INC, _: Budget | None) -> Passed | Refused:
     unstable = float(np.max(np.abs(np.linalg.eigvals(plant.A)))) >= 1
     bounded = all(np.isfinite(float(end)) for pair in output_range(inc) for end in pair)
     if bounded and unstable:
-        return None, [], "global LMI: the input is bounded, and no bounded input stabilizes this unstable plant globally"
+        return Refused("global LMI: the input is bounded, and no bounded input stabilizes this unstable plant globally",
+                       Cause.HOPELESS)
     if spec.inputs is not None and not within_limits(inc, spec.inputs):
-        return None, [], "global LMI: the input limits are not built into the controller"
+        return Refused("global LMI: the input limits are not built into the controller", Cause.HOPELESS)
     try:
         certificate = certify(plant, inc, DiscountedCost(spec.Q, spec.R, spec.discount, spec.initial))
     except SolverError as error:
-        return None, [], f"global LMI: {error}"
+        return Refused(f"global LMI: {error}", Cause.HOPELESS)
     if not certificate.holds():
-        return None, [], f"global LMI: {certificate.reason}"
+        return Refused(f"global LMI: {certificate.reason}", Cause.UNCERTIFIED)
     words = ["expected cost: linear matrix inequality, for every initial state"]
     if spec.inputs is not None:
         words.insert(0, "input limits kept everywhere: the range of the activations")
-    return certificate, words, ""
+    return Passed(certificate, words)

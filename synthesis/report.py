@@ -26,6 +26,7 @@ def table(result: Result) -> str:
         if not verdict.accepted:
             rows += [("not proved", words) for words in verdict.refusals]
     rows += _costs(result) + _bounds(result)
+    rows += [("search", words) for words in _search(result)]
     rows += [("note", note) for note in result.notes]
     rows.append(("time", ", ".join(f"{name} {value:.1f} s" for name, value in result.seconds.items())))
     lines = [f"{name:<{WIDTH}} {value}" for name, value in _without_repeats(rows)]
@@ -39,6 +40,16 @@ def verdict_sentence(result: Result) -> str:
         return ""
     found = clauses(result.comparison(), THIS, THIS)
     return (("Proved: " if result.proof else "In floating point: ") + "; ".join(found) + ".") if found else ""
+
+
+def _search(result: Result) -> list[str]:
+    """How the search went, and what the taken law came from."""
+    chosen, words = result.chosen, [result.ended] if result.ended else []
+    if chosen is not None and chosen.of:
+        words.append(f"{chosen.name} follows from {chosen.of}: {chosen.why}")
+    if chosen is not None and not np.isnan(chosen.before):
+        words.append(chosen.note)
+    return words
 
 
 def _rigour(result: Result) -> list[tuple[str, str]]:

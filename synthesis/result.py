@@ -26,7 +26,9 @@ CERTIFIED, EVIDENCE, FAILED = "certified", "simulation evidence", "failed"
 class Attempt:
     """One candidate: how it was made, the law, the gate's verdict, the simulation, the seconds it took.
 
-    training: (seconds, cost) as the training went, empty when nothing was trained.
+    training: (seconds, cost) as the training went, empty when nothing was trained; inner: the law without its input limits;
+    of, why: the attempt that it is a retry of, and the reason; before: the certified bound that retraining with the
+    certificate began with, NaN otherwise; timed: whether a time limit cut it short, so that another machine may find more.
     """
 
     name: str
@@ -36,6 +38,11 @@ class Attempt:
     seconds: float
     note: str = ""
     training: tuple[tuple[float, float], ...] = ()
+    inner: INC | None = None
+    of: str = ""
+    why: str = ""
+    before: float = np.nan
+    timed: bool = False
 
     @property
     def certified(self) -> bool:
@@ -51,7 +58,8 @@ class Result:
     "simulation evidence" or "failed", and nothing else is ever said; certificate: the one that holds, or None;
     proof: how it was settled rigorously;
     estimate: the simulated cost; bounds: lower bounds by name; linear: what the linear competitors found cost; history:
-    every attempt; notes: reasons and interruptions; seconds: wall time by phase; chosen: the attempt that was taken.
+    every attempt; notes: reasons and interruptions; seconds: wall time by phase; chosen: the attempt that was taken;
+    ended: why the search ended, in words.
     """
 
     plant: Plant
@@ -66,6 +74,7 @@ class Result:
     notes: tuple[str, ...]
     seconds: Mapping[str, float]
     chosen: Attempt | None = field(default=None, repr=False)
+    ended: str = ""
 
     @property
     def status(self) -> str:

@@ -1,0 +1,152 @@
+"""The loop of Algorithm 1: rounds of attempts, each chosen by what came of those before, until nothing is left to win."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from concurrent.futures import BrokenExecutor, Executor, Future
+from concurrent.futures import TimeoutError as FutureTimeout
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .attempts import Task, attempt
+from .followups import Done, best_certified, cost_of, explorations, improvements, repairs
+from .one_thread import one_thread
+from .progress import Progress, counted, outcome
+from .result import Attempt
+
+REPAIRS = 2  # rounds of retries when neither seconds nor rounds are given
+MOST_ROUNDS = 40
+GRACE = 10.0  # seconds that an attempt in another process may be late
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """When the search ends.
+
+    floor: a proved lower bound on the cost of every controller, -inf without; tol: the search ends when the certified cost
+    is within this share of it; rounds: how many at most, None for the default; until: time.time() at the end of the
+    budget, infinite without.
+    """
+
+    floor: float
+    tol: float
+    rounds: int | None
+    until: float
+
+    def reached(self, cost: float) -> bool:
+        """Whether nothing, or less than tol, is left to win."""
+        return bool(np.isfinite(cost) and np.isfinite(self.floor) and cost - self.floor <= self.tol * abs(self.floor))
+
+    @property
+    def explores(self) -> bool:
+        """Whether the search goes on where nothing was refused."""
+        return self.rounds is not None or np.isfinite(self.until)
+
+    @property
+    def is_late(self) -> bool:
+        """Whether the budget is used up."""
+        return time.time() >= self.until
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """What a search came to: every attempt in order, and why it ended."""
+
+    history: tuple[Done, ...]
+    ended: str
+    rounds: int
+
+
+def search(first: tuple[Task, ...], goal: Goal, executor: Executor | None, progress: Progress) -> Search:
+    """Make rounds of attempts and return them all.
+
+    The history is that of making the attempts of each round one after another and stopping at the first that reaches the
+    goal. An executor computes them at the same time, but they are looked at in that order, and those after the first
+    that reaches it are dropped; so the history does not depend on the executor, unless a time limit cuts an attempt short.
+    """
+    with one_thread():  # threads of this process share the setting: attempts that end must not undo it for the others
+        return _search(first, goal, executor, progress)
+
+
+def _search(first: tuple[Task, ...], goal: Goal, executor: Executor | None, progress: Progress) -> Search:
+    history: list[Done] = []
+    tasks, number, ended = first, 0, "" if first else "nothing was to be tried: random starts need hidden units"
+    while not ended:
+        number += 1
+        before = len(history)
+        ended = _round(tasks, history, goal, executor, progress)
+        if not ended and _is_last(number, goal):
+            ended = f"no more than {counted(number, 'round')} {'was' if number == 1 else 'were'} to be made"
+        if not ended:
+            tasks = _next(tuple(history), history[before:], first[0], goal, number)
+            ended = "" if tasks else "nothing else is known to be worth trying"
+    return Search(tuple(history), ended, number)
+
+
+def _next(history: tuple[Done, ...], latest: list[Done], template: Task, goal: Goal, number: int) -> tuple[Task, ...]:
+    template = replace(template, start="", law=None, label="")
+    tasks = repairs(history, latest)
+    if template.hidden or goal.explores:
+        tasks += improvements(history)
+    if goal.explores:
+        tasks += explorations(history, template, number)
+    return tuple({task.name: task for task in tasks}.values())
+
+
+def _is_last(number: int, goal: Goal) -> bool:
+    most = goal.rounds if goal.rounds is not None else MOST_ROUNDS if goal.explores else 1 + REPAIRS
+    return number >= most
+
+
+def _round(tasks: tuple[Task, ...], history: list[Done], goal: Goal, executor: Executor | None,
+           progress: Progress) -> str:
+    """Make a round of attempts; return why the search is over, or ""."""
+    tasks = tuple(replace(task, until=goal.until) for task in tasks)
+    before = len(history)
+    try:
+        for task, one in zip(tasks, _attempts(tasks, history, goal, executor, progress), strict=False):
+            history.append(Done(task, one))
+            progress.say(outcome(one))
+            if "interrupted" in one.note:
+                raise KeyboardInterrupt
+            if goal.reached(cost_of(history[-1])):
+                return f"the certified cost is within {100 * goal.tol:g} % of what no controller can go below"
+    except KeyboardInterrupt:
+        return f"interrupted after {len(history) - before} of {len(tasks)} attempts: this is the best of those"
+    except BrokenExecutor as error:
+        return f"the executor broke after {len(history) - before} of {len(tasks)} attempts: {error}"
+    return "the time is over" if len(history) - before < len(tasks) or goal.is_late else ""
+
+
+def _attempts(tasks: tuple[Task, ...], history: list[Done], goal: Goal, executor: Executor | None,
+              progress: Progress) -> Iterator[Attempt]:
+    """Yield the attempts in order, as long as there is time; the first of all is always made."""
+    def say(names: list[str]) -> None:
+        best = best_certified(history)
+        progress.trying(names, np.inf if best is None else cost_of(best), goal.floor)
+
+    if executor is None:
+        for task in tasks:
+            if history and goal.is_late:
+                return
+            say([task.name])
+            yield attempt(task)
+        return
+    say([task.name for task in tasks])
+    futures = [executor.submit(attempt, task) for task in tasks]
+    try:
+        yield from _in_order(futures, goal)
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _in_order(futures: list[Future[Attempt]], goal: Goal) -> Iterator[Attempt]:
+    for future in futures:
+        left = None if np.isinf(goal.until) else max(0.0, goal.until - time.time()) + GRACE
+        try:
+            yield future.result(timeout=left)
+        except FutureTimeout:
+            return

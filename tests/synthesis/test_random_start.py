@@ -1,0 +1,24 @@
+"""From random weights to a certificate: the two-state plant with 8 ReLU units and feedback among them."""
+
+import numpy as np
+import pytest
+
+from benchmarks.plants.paper import two_state
+from inc_casadi import INC, certify
+from synthesis import synthesize
+
+
+def test_a_random_implicit_network_is_trained_and_certified_within_two_percent_of_any_controller():
+    case = two_state()
+    result = synthesize(case.plant, case.spec, starts=["random"], seed=2, frozen=("W", "K"), verbose=False).require()
+    inner = result.chosen.inner
+    assert result.proof and result.chosen.name == "random, trained" and inner.q == 8 and not inner.K.any()
+    assert np.max(np.abs(np.linalg.eigvals(inner.W))) > 0.1  # loops among the units, and they count:
+    y = case.spec.initial.sample(200, np.random.default_rng(0))
+    without = INC(0 * inner.W, inner.U, inner.V, inner.K, inner.b, inner.d, inner.activation)
+    assert np.max(np.abs(without(y) - inner(y))) > 0.05
+    floor = result.bounds["any controller"]
+    assert floor.holds() and 1.3649 < float(floor) <= result.cost <= 1.02 * float(floor)
+    assert result.cost == pytest.approx(1.3649619, rel=1e-4)
+    again = certify(case.plant, result.inc, result.certificate.claim)
+    assert again.holds() and again.bound == result.cost
