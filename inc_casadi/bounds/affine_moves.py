@@ -135,7 +135,8 @@ def _rising(solve: Callable[[int], AffineMovesBound], n: int, tolerance: float, 
     return replace(best, horizons=tuple((len(bound.moves), bound.value) for bound in found))
 
 
-def _between(solve: Callable[[int], AffineMovesBound], best: AffineMovesBound, beyond: AffineMovesBound) -> list[AffineMovesBound]:
+def _between(solve: Callable[[int], AffineMovesBound], best: AffineMovesBound,
+             beyond: AffineMovesBound) -> list[AffineMovesBound]:
     found, low, high = [], len(best.moves), len(beyond.moves)
     for _ in range(_HALVED):
         N = (low + high) // 2
