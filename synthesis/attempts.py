@@ -12,7 +12,7 @@ import numpy as np
 
 from inc_casadi import INC, Box, Plant, Spec
 from inc_casadi.activations import Activation
-from inc_casadi.errors import INCError
+from inc_casadi.errors import INCError, InvalidInputError
 from inc_casadi.estimate import estimate
 from inc_casadi.pieces.walk import Budget
 from inc_casadi.sets import Polytope, Uniform
@@ -24,6 +24,7 @@ from .readout import inner_of, limited, wider
 from .registry import STARTS
 from .result import Attempt
 from .starts.random_start import random_start
+from .starts.resting import resting
 
 QUICK_SAMPLES = 4_000
 PIECES = 50_000
@@ -168,7 +169,17 @@ def _trained(task: Task, inner: INC) -> _Made:
     frozen = task.frozen if task.biased else (*task.frozen, "b", "d")
     run = train(task.plant, _training_spec(task), inner, kappa=task.kappa, horizon=task.horizon, frozen=frozen,
                 max_iterations=task.iterations, time_limit=task.left(TRAINING), seed=task.seed)
-    return _Made(run.inc, run.inner, run.status, tuple((row["seconds"], row["cost"]) for row in run.history))
+    return _Made(_at_rest(run.inc, task), run.inner, run.status, tuple((row["seconds"], row["cost"]) for row in run.history))
+
+
+def _at_rest(law: INC, task: Task) -> INC:
+    """Return the law at rest at the origin in exact arithmetic: without discount the least offset costs without end."""
+    if not task.biased or task.spec.discount < 1 or not rests_at_zero(task.spec):
+        return law
+    try:
+        return resting(law)
+    except InvalidInputError:  # other units than ReLU and Saturation
+        return law
 
 
 def _retrained(task: Task, law: INC) -> _Made:

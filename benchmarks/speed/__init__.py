@@ -1,5 +1,6 @@
 """Wall times, each beside its target."""
 
+from .alternation import alternation, alternation_table
 from .certification import certification, certification_table, certification_targets
 from .evaluation import evaluation
 from .exact_cost import exact_cost
@@ -9,6 +10,6 @@ from .measurement import Measurement, table
 from .pieces import pieces, pieces_table
 from .training import quick_training, training, training_table
 
-__all__ = ["Measurement", "certification", "certification_table", "certification_targets",
-           "evaluation", "exact_cost", "imports", "main_job", "pieces", "pieces_table", "quick_training", "table",
-           "training", "training_table"]
+__all__ = ["Measurement", "alternation", "alternation_table", "certification", "certification_table",
+           "certification_targets", "evaluation", "exact_cost", "imports", "main_job", "pieces", "pieces_table",
+           "quick_training", "table", "training", "training_table"]

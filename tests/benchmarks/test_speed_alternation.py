@@ -1,5 +1,7 @@
 """The table of the BMI loop: one quick case, with everything in it that the table promises."""
 
+from benchmarks import speed
+from benchmarks.__main__ import main
 from benchmarks.speed.alternation import alternation, alternation_table, cases
 
 
@@ -9,3 +11,9 @@ def test_row_shows_a_bound_that_falls_is_proved_and_lies_above_the_simulated_cos
     assert row.floor * (1 - 1e-6) <= row.after and row.simulated <= row.after * (1 + 1e-6)
     assert row.error < 1e-3 and row.rounds == 2
     assert "2 states, ReLU" in alternation_table([row])
+
+
+def test_the_command_prints_the_table(monkeypatch, capsys):
+    rows = alternation(multiplier="sector", chosen=cases()[:1], max_rounds=1)
+    monkeypatch.setattr(speed, "alternation", lambda: rows)
+    assert main(["speed", "alternation"]) == 0 and alternation_table(rows) in capsys.readouterr().out

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from benchmarks.plants.paper import two_state
-from inc_casadi import INC, certify
+from inc_casadi import INC, Box, Plant, Spec, certify
 from synthesis import synthesize
 
 
@@ -22,3 +22,11 @@ def test_a_random_implicit_network_is_trained_and_certified_within_two_percent_o
     assert result.cost == pytest.approx(1.3649619, rel=1e-4)
     again = certify(case.plant, result.inc, result.certificate.claim)
     assert again.holds() and again.bound == result.cost
+
+
+def test_without_discount_a_trained_law_with_biases_rests_exactly_and_is_proved():
+    plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.5], [1.0]])
+    spec = Spec(np.eye(2), 0.1, 1.0, Box([-3.0, -1.5], [3.0, 1.5]), Box(-0.5, 0.5))
+    result = synthesize(plant, spec, hidden=4, starts=["random"], training_iterations=20, tol=0.0, verbose=False)
+    assert result.chosen.name == "random, trained" and np.any(result.inc.b) and result.proof
+    assert result.cost <= 1.001 * float(result.bounds["any controller"])
