@@ -106,7 +106,14 @@ class RegionalCertificate(Certificate):
 
     @property
     def bound(self) -> float:
-        """The expected discounted cost rounded up by 1e-9 of its size; infinite when unknown."""
+        """The expected discounted cost rounded up by 1e-9 of its size; infinite when unknown.
+
+        Where the expectation is not worked out (n > 8) it is the largest cost, which no expectation exceeds.
+        """
+        return self._mean_bound if np.isfinite(self._mean_bound) else self.worst_bound
+
+    @property
+    def _mean_bound(self) -> float:
         return self.expected * (1 + ROUNDING) if np.isfinite(self.expected) else np.inf
 
     def margins(self) -> dict[str, float]:
@@ -158,7 +165,7 @@ class RegionalCertificate(Certificate):
         assert terminal is not None
         rest = np.array2string(np.round(terminal.x, 9) + 0.0, precision=6)
         limits = "" if self.claim.inputs is None else "every input stays within its limits, "
-        mean = f"at most {at_most(self.bound)} in expectation and " if np.isfinite(self.bound) else ""
+        mean = f"at most {at_most(self.bound)} in expectation and " if np.isfinite(self._mean_bound) else ""
         return (f"From every starting point of the initial set {limits}the motion converges to x* = {rest}, and the "
                 f"discounted cost (discount {self.claim.discount:g}) is {mean}at most {at_most(self.worst_bound)} from any "
                 "point.")
@@ -177,7 +184,7 @@ class RegionalCertificate(Certificate):
         trouble, method = self.reason or self._exact_setting(), "exact fractions"
         if not trouble and self.walk is not None:
             assert self._exact[1] is not None
-            stated = Stated(self.claim, self._exact[1], self.bound, self.worst_bound, self._built_in)
+            stated = Stated(self.claim, self._exact[1], self._mean_bound, self.worst_bound, self._built_in)
             trouble, method = settle_region(self._setting[0], stated, self.walk, self.budget)
         if self.conewise is not None:
             method += ", after matrix certificates of the conewise linear loop around the equilibrium"

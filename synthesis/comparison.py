@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from inc_casadi.comparison import Comparison
 from inc_casadi.comparison.families import ANY, LINEAR
 from inc_casadi.comparison.floors import Floor
@@ -35,7 +37,8 @@ def _row(result: Result) -> Row:
     row = bare_row(THIS, result.inc)
     certificate, run = result.certificate, result.estimate
     if certificate is not None:
-        exact = isinstance(certificate, RegionalCertificate) and certificate.gap == 0
+        exact = (isinstance(certificate, RegionalCertificate) and certificate.gap == 0
+                 and bool(np.isfinite(certificate.expected)))
         words = certificate.sentence
         return replace(row, limits=Finding(CERTIFIED, "accepted by the gate"), worst=result.worst,
                        cost=Cost(certificate.bound, EXACT if exact else UPPER, 0.0, certificate, words))

@@ -14,7 +14,7 @@ from inc_casadi.claims import DiscountedCost, Regional
 from inc_casadi.errors import InvalidInputError, SolverError
 from inc_casadi.output_range import output_range, within_limits
 from inc_casadi.pieces.walk import Budget
-from inc_casadi.regional_certificate import certify_region
+from inc_casadi.regional_certificate import RegionalCertificate, certify_region
 
 from .causes import Cause, cause_of
 
@@ -42,7 +42,8 @@ class Verdict:
 def gate(plant: Plant, spec: Spec, inc: INC, budget: Budget | None = None) -> Verdict:
     """Try the exact regional proof, then, where input limits are built in or absent, the global LMI.
 
-    The former states the exact cost, so nothing can be gained from the latter when it holds. The optimizer that made
+    The former states the exact cost, so nothing can be gained from the latter when it holds; in more than 8 dimensions it
+    states the largest cost only, and the lower bound of the two is taken. The optimizer that made
     the candidate plays no part in the verdict.
     """
     posed = inc.well_posedness()
@@ -50,13 +51,20 @@ def gate(plant: Plant, spec: Spec, inc: INC, budget: Budget | None = None) -> Ve
         return Verdict(None, np.inf, (), (f"well-posedness: {posed.test}",), (Cause.ILL_POSED,))
     proofs = (f"well posed: {posed.test}",)
     refused: list[Refused] = []
+    passed: list[Passed] = []
     for attempt in (_by_pieces, _by_inequality):
         found = attempt(plant, spec, inc, budget)
-        if isinstance(found, Passed):
-            reasons, causes = tuple(one.reason for one in refused), tuple(one.cause for one in refused)
-            return Verdict(found.certificate, found.certificate.bound, (*proofs, *found.words), reasons, causes)
-        refused.append(found)
-    return Verdict(None, np.inf, proofs, tuple(one.reason for one in refused), tuple(one.cause for one in refused))
+        if isinstance(found, Refused):
+            refused.append(found)
+            continue
+        passed.append(found)
+        if not found.by_worst:
+            break
+    reasons, causes = tuple(one.reason for one in refused), tuple(one.cause for one in refused)
+    if not passed:
+        return Verdict(None, np.inf, proofs, reasons, causes)
+    best = min(passed, key=lambda one: one.certificate.bound)
+    return Verdict(best.certificate, best.certificate.bound, (*proofs, *best.words), reasons, causes)
 
 
 class Passed(NamedTuple):
@@ -64,6 +72,11 @@ class Passed(NamedTuple):
 
     certificate: Certificate
     words: list[str]
+
+    @property
+    def by_worst(self) -> bool:
+        """Whether it bounds the expected cost by the largest only, which an inequality may undercut."""
+        return isinstance(self.certificate, RegionalCertificate) and not np.isfinite(self.certificate.expected)
 
 
 class Refused(NamedTuple):
@@ -84,14 +97,13 @@ def _by_pieces(plant: Plant, spec: Spec, inc: INC, budget: Budget | None) -> Pas
         return Refused(f"exact pieces: {error}", Cause.HOPELESS)
     if reason:
         return Refused(f"exact pieces: {reason}", cause_of(certificate))
-    if not np.isfinite(certificate.bound):
-        return Refused(f"exact pieces: the expected cost is not worked out in {plant.n} dimensions", Cause.HOPELESS)
     assert certificate.walk is not None
     pieces = len(certificate.walk.arrived)
     words = [f"converges from every initial state: exact subdivision, {pieces} pieces"]
     if spec.inputs is not None:
         words.insert(0, "input limits kept on every motion: exact subdivision")
-    return Passed(certificate, [*words, "expected and worst cost: exact subdivision"])
+    costs = "expected and worst cost" if np.isfinite(certificate.expected) else "worst cost, which bounds the expected one"
+    return Passed(certificate, [*words, f"{costs}: exact subdivision"])
 
 
 def _by_inequality(plant: Plant, spec: Spec, inc: INC, _: Budget | None) -> Passed | Refused:

@@ -79,7 +79,7 @@ def _costs(result: Result) -> list[tuple[str, str]]:
 
 def _exact(result: Result) -> str:
     words = f"at most {at_most(result.cost)}"
-    if isinstance(result.certificate, RegionalCertificate):
+    if isinstance(result.certificate, RegionalCertificate) and np.isfinite(result.certificate.expected):
         words += f" (exact up to rounding: {result.certificate.expected:.8f})"
     return words
 

@@ -86,8 +86,12 @@ def _by_pieces(plant: Plant, spec: Spec, row: Row, effort: Effort) -> Row:
     row = replace(row, converges=Finding(CERTIFIED, words), worst=certificate.worst_bound)
     if row.limits.verdict != CERTIFIED:
         row = replace(row, limits=Finding(CERTIFIED, words), grounds=(certificate,))
-    if not np.isfinite(certificate.bound):
-        return _noted(row, f"exact pieces: the expected cost is not worked out in {plant.n} dimensions")
+    if not np.isfinite(certificate.expected):  # the largest cost only, which an inequality may undercut
+        words = f"the largest cost, by {words}"
+        other = _by_inequality(plant, spec, row, effort)
+        if other.certified and other.cost.value < certificate.bound:
+            return other
+        return replace(row, cost=Cost(certificate.bound, UPPER, 0.0, certificate, words), grounds=())
     how = EXACT if certificate.gap <= 1e-9 * certificate.bound else UPPER
     return replace(row, cost=Cost(certificate.bound, how, 0.0, certificate, words), grounds=())
 

@@ -393,3 +393,20 @@ def test_pieces_that_meet_only_up_to_rounding_prove_nothing():
     inc = INC(np.zeros((1, 1)), K, [[1.0]], np.zeros((1, 2)), activation=Bent())
     certificate = certify_region(PLANT, inc, Regional(Box([-0.1, -0.1], [0.1, 0.1]), None, np.eye(2), [[0.05]], 0.98))
     assert certificate.holds() and "do not meet exactly" in certificate.prove().reason
+
+
+def test_in_many_dimensions_the_largest_cost_bounds_the_expected_one():
+    n = 9
+    corners = np.linalg.svd(np.eye(n + 1) - 1 / (n + 1))[0][:, :n]
+    start = Polytope.from_vertices(np.arange(1.0, n + 1)[:, None] + 0.1 * corners.T)
+    plant = Plant(np.diag(np.linspace(0.1, 0.9, n)), np.ones((n, 1)))
+    law = INC.saturated(-0.01 * np.ones((1, n)), 0.2)
+    certificate = certify_region(plant, law, Regional(start, Box(-1, 1), np.eye(n), 0.1, 0.95))
+    assert np.isnan(certificate.expected) and certificate.bound == certificate.worst_bound and certificate.prove()
+    x, weight, total = start.vertices, 1.0, 0.0
+    for _ in range(400):
+        u = law(x)
+        total = total + weight * (np.sum(x * x, axis=0) + 0.1 * u[0] ** 2)
+        x, weight = plant.A @ x + plant.B @ u, 0.95 * weight
+    assert np.max(total) <= certificate.bound <= np.max(total) * (1 + 1e-6)
+    assert "in expectation" not in certificate.sentence

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from inc_casadi import INC, Box, Empirical, Plant, Polytope, Regional, Saturation, Spec, bounds, certify
+from synthesis import synthesize
 from synthesis.compression import compress
 from synthesis.starts.imitation import imitate, lessons
 from synthesis.starts.predictive import predictive_start
@@ -116,3 +117,13 @@ def test_imitation_alone_closes_two_thirds_on_average():
     taught = lessons(plant, spec, predictive().inc)
     found = imitate(plant, spec, taught, linear_start(ends.K, plant, spec, 8, Saturation()))
     assert ends.closed(found.inner.with_saturated_output(LIMITS)) > 0.8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("state", [0, 1])
+def test_synthesize_wins_two_thirds_of_what_the_saturated_regulator_loses(state):
+    plant, spec = masses()
+    near = Spec(spec.Q, spec.R, 1.0, around(STATES[:, state], 1e-3), LIMITS)
+    result = synthesize(plant, near, hidden=0, starts=["clipped LQR", "MPC"], tol=0.0, training_seconds=60.0, verbose=False)
+    assert result.require().chosen.name == "MPC" and "worst cost, which bounds the expected one" in str(result)
+    assert REGULATOR[state] - result.cost >= ENOUGH * (REGULATOR[state] - OPTIMUM[state])
