@@ -45,8 +45,8 @@ class Task:
     else tells it apart; of, why: the attempt that it follows from, and for what reason; hidden, activation, kappa, seed:
     of the units; horizon: of training, by default its own choice; iterations: of training, or rounds of the BMI loop;
     shrunk: train on 0.98 of the input limits; biased: whether trained units have biases, which a matrix inequality about
-    every initial state hardly bears; frozen: names of matrices that training leaves alone; seconds: what training and
-    proof may take, each; until: the time.time() when all must end.
+    every initial state hardly bears; frozen: names of matrices that training leaves alone; form: of the training program;
+    seconds: what training and proof may take, each; until: the time.time() when all must end.
     """
 
     start: str
@@ -67,6 +67,7 @@ class Task:
     shrunk: bool = False
     biased: bool = True
     frozen: tuple[str, ...] = ()
+    form: str = "shooting"
     until: float = math.inf
 
     @property
@@ -81,13 +82,13 @@ class Task:
 
 def plan(plant: Plant, spec: Spec, hidden: int, activation: Activation, kappa: float, seed: int, seconds: float,
          iterations: int = 60, starts: Sequence[str] | None = None, given: Sequence[INC] = (),
-         frozen: Sequence[str] = ()) -> tuple[Task, ...]:
+         frozen: Sequence[str] = (), form: str = "shooting") -> tuple[Task, ...]:
     """Return the first round: the laws given, and the starts that suit the problem, as they are and trained.
 
     LQR needs the full state and a box or no limits, other problems a static gain. starts: these instead.
     """
     task = Task("", AS_IT_IS, plant, spec, hidden, activation, kappa, seed, seconds, iterations, frozen=tuple(frozen),
-                biased=_cut_into_pieces(spec) or not rests_at_zero(spec))
+                form=form, biased=_cut_into_pieces(spec) or not rests_at_zero(spec))
     ways = (AS_IT_IS, TRAINED) if hidden else (AS_IT_IS,)
     laws = [{AS_IT_IS: law, TRAINED: with_room(inner_of(law, spec), task)} for law in given]
     tasks = [replace(task, start=f"given {i + 1}", way=way, law=law[way]) for i, law in enumerate(laws) for way in ways]
@@ -168,7 +169,7 @@ def _trained(task: Task, inner: INC) -> _Made:
         inner = INC(inner.W, inner.U, inner.V, inner.K, activation=inner.activations)
     frozen = task.frozen if task.biased else (*task.frozen, "b", "d")
     run = train(task.plant, _training_spec(task), inner, kappa=task.kappa, horizon=task.horizon, frozen=frozen,
-                max_iterations=task.iterations, time_limit=task.left(TRAINING), seed=task.seed)
+                max_iterations=task.iterations, time_limit=task.left(TRAINING), form=task.form, seed=task.seed)
     return _Made(_at_rest(run.inc, task), run.inner, run.status, tuple((row["seconds"], row["cost"]) for row in run.history))
 
 

@@ -25,6 +25,7 @@ from .attempts import plan
 from .competitors import linear_competitors
 from .followups import Done, best_certified
 from .no_gain import no_stabilizing_gain
+from .phases import FORMS
 from .progress import Progress, counted
 from .registry import STARTS
 from .result import Attempt, Result
@@ -39,7 +40,7 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
                seed: int = 0, executor: Executor | None = None, verbose: bool = True, training_seconds: float = 10.0,
                training_iterations: int = 60, seconds: float | None = None, rounds: int | None = None, tol: float = 1e-3,
                start: INC | Sequence[INC] = (), starts: Sequence[str] | None = None,
-               frozen: Sequence[str] = ()) -> Result:
+               frozen: Sequence[str] = (), form: str = "shooting") -> Result:
     """Return a static controller for the plant with proof, or with an honest word on why there is none.
 
     Algorithm 1 of the paper. Candidates start from the clipped discounted LQR (or static output gains) and from random
@@ -72,6 +73,8 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
     starts : names in `registry.STARTS` that are tried instead of those that suit the problem
     frozen : names among W, U, V, K, b, d that training leaves as the start has them: ("W", "K") with starts=["random"] gives
         a network with feedback among its units and no linear path beside it
+    form : of the training program, as `train` has it: "shooting", "lifted" (up to about 8 units), or "projected", the
+        paper's projected gradient, which is quick per step and takes many units
 
     Notes
     -----
@@ -102,6 +105,8 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
     if names == () and not given:
         raise InvalidInputError("starts is empty and no start is given, so there is nothing to try")
     left_alone = _named("frozen", frozen, MATRICES) or ()
+    if form not in FORMS:
+        raise InvalidInputError(f"form is {form!r}, but must be one of {', '.join(FORMS)}")
     tol, iterations = number("tol", tol, 0.0), whole("training_iterations", training_iterations, 0)
     rounds = None if rounds is None else whole("rounds", rounds, 1)
     took: dict[str, float] = {}
@@ -115,7 +120,7 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
         progress.say(notes[-1])
     with _phase(took, "search and proof"):
         tasks = plan(plant, spec, 0 if obstruction else hidden, activation, kappa, seed, training_seconds, iterations,
-                     names, given, left_alone)
+                     names, given, left_alone, form)
         goal = Goal(_floor(lower), tol, 1 if obstruction else rounds, began + progress.seconds)
         found = search(tasks, goal, executor, progress)
     best = _best(found.history)

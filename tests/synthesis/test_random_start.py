@@ -5,6 +5,7 @@ import pytest
 
 from benchmarks.plants.paper import two_state
 from inc_casadi import INC, Box, Plant, Spec, certify
+from inc_casadi.errors import InvalidInputError
 from synthesis import synthesize
 
 
@@ -30,3 +31,20 @@ def test_without_discount_a_trained_law_with_biases_rests_exactly_and_is_proved(
     result = synthesize(plant, spec, hidden=4, starts=["random"], training_iterations=20, tol=0.0, verbose=False)
     assert result.chosen.name == "random, trained" and np.any(result.inc.b) and result.proof
     assert result.cost <= 1.001 * float(result.bounds["any controller"])
+
+
+@pytest.mark.parametrize("form", ["projected", "lifted"])
+def test_other_forms_of_training_are_certified_too(form):
+    plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.5], [1.0]])
+    spec = Spec(np.eye(2), 0.1, 0.95, Box([-3.0, -1.5], [3.0, 1.5]), Box(-0.5, 0.5))
+    keywords = {"hidden": 3, "starts": ["clipped LQR"], "training_iterations": 8, "tol": 0.0, "verbose": False}
+    result, usual = synthesize(plant, spec, form=form, **keywords), synthesize(plant, spec, **keywords)
+    trained, other = (next(one for one in run.history if "trained" in one.name) for run in (result, usual))
+    assert result.status == "certified" and trained.certified and trained.verdict.cost < 14.64  # the clipped LQR: 14.646
+    assert trained.training and trained.verdict.cost != other.verdict.cost
+
+
+def test_an_unknown_form_of_training_is_refused():
+    case = two_state()
+    with pytest.raises(InvalidInputError, match="form is 'shoot', but must be one of shooting, lifted, projected"):
+        synthesize(case.plant, case.spec, form="shoot")
