@@ -17,6 +17,7 @@ from inc_casadi.errors import InvalidInputError
 from inc_casadi.linear.regulator import discounted_lqr
 from inc_casadi.linear.static_gain import best_static_gain
 
+from .starts.linear_feedback import stabilizing_gain
 from .starts.random_start import linear_start, random_start
 
 MOST_MPC_UNITS = 40
@@ -59,16 +60,12 @@ def _limited_gain(plant: Plant, spec: Spec, seed: int) -> Array:
     return best_static_gain(plant, spec, seed=seed).F
 
 
-def _free_gain(plant: Plant, spec: Spec, seed: int) -> Array:
-    return best_static_gain(plant, replace(spec, inputs=None), seed=seed).F
-
-
 def _stabilizing_gain(plant: Plant, spec: Spec, seed: int) -> Array:
-    return best_static_gain(plant, replace(spec, inputs=None, discount=1.0), seed=seed).F
+    return stabilizing_gain(plant, replace(spec, discount=1.0), seed)
 
 
 def _halfway_gain(plant: Plant, spec: Spec, seed: int) -> Array:
-    return (_limited_gain(plant, spec, seed) + _free_gain(plant, spec, seed)) / 2
+    return (_limited_gain(plant, spec, seed) + stabilizing_gain(plant, spec, seed)) / 2
 
 
 def _sector_feedback(plant: Plant, spec: Spec, *_: Any) -> INC:
@@ -104,7 +101,7 @@ def _compressed(plant: Plant, spec: Spec, hidden: int, activation: Activation, k
 STARTS: Mapping[str, Start] = MappingProxyType({
     "clipped LQR": _around(_regulator),               # the state is measured
     "static gain": _around(_limited_gain),            # best u = F y found that keeps the limits on the initial set
-    "clipped gain": _around(_free_gain),              # best u = F y found without limits, to be clipped
+    "clipped gain": _around(stabilizing_gain),              # best u = F y found without limits, to be clipped
     "stabilizing gain": _around(_stabilizing_gain),   # the same without discount, so that motions converge
     "halfway gain": _around(_halfway_gain),           # the mean of those two: clipped less often
     "certified linear": _certified,                   # the best of several such means that the gate certifies

@@ -31,3 +31,8 @@ def points(rng, n, N, size=1.0):
     x = size * rng.normal(size=(n, N)) * 10.0 ** rng.uniform(-2, 1, size=N)
     x[:, 0] = 0.0
     return x
+
+
+def regular_simplex(n):
+    """The n + 1 corners (n, n + 1) of a regular simplex about the origin: few pieces where a box takes n! simplices."""
+    return np.linalg.svd(np.eye(n + 1) - 1 / (n + 1))[0][:, :n].T

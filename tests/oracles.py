@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.optimize import minimize
 
 
 def phi(unit, z):
@@ -79,3 +80,15 @@ def discounted_cost(x, u, Q, R, discount):
 def quadratic(P, x):
     """x'P x over the first axis of x."""
     return np.einsum("i...,ij,j...->...", x, P, x)
+
+
+def least_sequence(plant, spec, P, x0, T):
+    """The best T moves within a box by a general method, on the discounted cost written out again: SciPy's result."""
+    def cost(flat):
+        x, total = x0, 0.0
+        for k, u in enumerate(flat.reshape(T, plant.m)):
+            total += spec.discount**k * (x @ spec.Q @ x + u @ spec.R @ u)
+            x = plant.A @ x + plant.B @ u
+        return total + spec.discount**T * (x @ P @ x)
+    bounds = list(zip(np.tile(spec.inputs.lower, T), np.tile(spec.inputs.upper, T), strict=True))
+    return minimize(cost, np.zeros(T * plant.m), bounds=bounds, method="L-BFGS-B", options={"ftol": 1e-15, "gtol": 1e-10})

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-README = Path(__file__).parents[1] / "README.md"
+TEXT = (Path(__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
 
 
 def test_the_readme_code_runs_and_gives_the_figures_it_states(tmp_path, monkeypatch, capsys):
-    text = README.read_text(encoding="utf-8")
-    blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    text, blocks = TEXT, BLOCKS
     assert len(blocks) == 5 and len(blocks[0].strip().splitlines()) <= 14
     monkeypatch.chdir(tmp_path)
     names: dict = {}
@@ -31,8 +31,7 @@ def test_the_readme_code_runs_and_gives_the_figures_it_states(tmp_path, monkeypa
 
 
 def test_the_second_block_proves_what_is_printed(capsys):
-    text = README.read_text(encoding="utf-8")
-    block = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)[1]
+    text, block = TEXT, BLOCKS[1]
     names: dict = {}
     exec(compile(block, "README.md", "exec"), names)
     printed = capsys.readouterr().out
@@ -44,8 +43,7 @@ def test_the_second_block_proves_what_is_printed(capsys):
 
 
 def test_the_third_block_certifies_and_refutes_what_it_says(capsys):
-    text = README.read_text(encoding="utf-8")
-    block = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)[2]
+    text, block = TEXT, BLOCKS[2]
     names: dict = {}
     exec(compile(block, "README.md", "exec"), names)
     printed = capsys.readouterr().out
@@ -56,8 +54,7 @@ def test_the_third_block_certifies_and_refutes_what_it_says(capsys):
 
 
 def test_the_fourth_block_says_the_sentence(tmp_path, monkeypatch, capsys):
-    text = README.read_text(encoding="utf-8")
-    block = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)[3]
+    text, block = TEXT, BLOCKS[3]
     monkeypatch.chdir(tmp_path)
     names: dict = {}
     exec(compile(block, "README.md", "exec"), names)
@@ -71,8 +68,7 @@ def test_the_fourth_block_says_the_sentence(tmp_path, monkeypatch, capsys):
 
 
 def test_the_fifth_block_certifies_an_observer_with_a_neural_readout(capsys):
-    text = README.read_text(encoding="utf-8")
-    block = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)[4]
+    text, block = TEXT, BLOCKS[4]
     names: dict = {}
     exec(compile(block, "README.md", "exec"), names)
     printed = capsys.readouterr().out

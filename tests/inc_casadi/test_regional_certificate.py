@@ -3,6 +3,7 @@
 from dataclasses import replace
 from fractions import Fraction
 
+import draws
 import numpy as np
 import oracles
 import posed
@@ -397,8 +398,7 @@ def test_pieces_that_meet_only_up_to_rounding_prove_nothing():
 
 def test_in_many_dimensions_the_largest_cost_bounds_the_expected_one():
     n = 9
-    corners = np.linalg.svd(np.eye(n + 1) - 1 / (n + 1))[0][:, :n]
-    start = Polytope.from_vertices(np.arange(1.0, n + 1)[:, None] + 0.1 * corners.T)
+    start = Polytope.from_vertices(np.arange(1.0, n + 1)[:, None] + 0.1 * draws.regular_simplex(n))
     plant = Plant(np.diag(np.linspace(0.1, 0.9, n)), np.ones((n, 1)))
     law = INC.saturated(-0.01 * np.ones((1, n)), 0.2)
     certificate = certify_region(plant, law, Regional(start, Box(-1, 1), np.eye(n), 0.1, 0.95))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import draws
 import numpy as np
 import pytest
 
@@ -278,8 +279,8 @@ def test_a_polytope_of_limits_and_a_tanh_net_that_keeps_its_box():
 @pytest.mark.parametrize(("size", "words"), [(0.9, "matrix inequality"), (0.02, "the largest cost")])
 def test_in_many_dimensions_the_lower_of_two_bounds_is_stated(size, words):
     n = 9
-    corners = np.linalg.svd(np.eye(n + 1) - 1 / (n + 1))[0][:, :n]
-    start = Polytope.from_vertices(size * corners.T + (0 if size > 0.5 else np.arange(1.0, n + 1)[:, None] / n))
+    middle = 0 if size > 0.5 else np.arange(1.0, n + 1)[:, None] / n
+    start = Polytope.from_vertices(size * draws.regular_simplex(n) + middle)
     plant = Plant(np.diag(np.linspace(0.1, 0.9, n)), np.ones((n, 1)))
     spec = Spec(np.eye(n), 0.1, 0.95, start, Box(-1, 1))
     row = compare(plant, spec, {"net": INC.saturated(-0.01 * np.ones((1, n)), 0.2)}, bounds=[]).row("net")

@@ -7,6 +7,7 @@ and 216.2860 for the constrained optimum.
 
 from functools import cache
 
+import draws
 import numpy as np
 import pytest
 
@@ -52,8 +53,7 @@ def predictive():
 
 def around(x, size):
     """A simplex of 13 vertices around x: few pieces, where a box of 12 dimensions takes 12! simplices to begin with."""
-    corners = np.linalg.svd(np.eye(13) - 1 / 13)[0][:, :12]
-    return Polytope.from_vertices(x[:, None] + size * corners.T)
+    return Polytope.from_vertices(x[:, None] + size * draws.regular_simplex(12))
 
 
 def certificate(law, x, size):

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import draws
 import numpy as np
+import oracles
 import pytest
-from scipy.optimize import minimize
 
 from inc_casadi import Box, Plant, Polytope, Spec
 from inc_casadi.errors import InvalidInputError
@@ -28,26 +28,13 @@ def two_integrators(half=(3.0, 1.5)):
     return plant, Spec(np.eye(2), 0.1, 0.95, Box(-np.array(half), np.array(half)), Box(-0.5, 0.5))
 
 
-def first_input(plant, spec, P, x0, N):
-    """u_0 of the best sequence, by a general method on the discounted cost written out again."""
-    def cost(flat):
-        x, total = x0, 0.0
-        for k, u in enumerate(flat.reshape(N, plant.m)):
-            total += spec.discount**k * (x @ spec.Q @ x + u @ spec.R @ u)
-            x = plant.A @ x + plant.B @ u
-        return total + spec.discount**N * (x @ P @ x)
-    bounds = list(zip(np.tile(spec.inputs.lower, N), np.tile(spec.inputs.upper, N), strict=True))
-    found = minimize(cost, np.zeros(N * plant.m), bounds=bounds, method="L-BFGS-B", options={"ftol": 1e-15, "gtol": 1e-10})
-    return found.x[: plant.m]
-
-
 def test_the_start_is_the_solution_of_its_program(problem):
     plant, spec = problem
     start = predictive_start(plant, spec, horizon=4)
     _, P = discounted_lqr(plant, spec)
     x = spec.initial.sample(12, np.random.default_rng(0))
     u = start.inc(plant.C @ x)
-    expected = np.stack([first_input(plant, spec, P, point, 4) for point in x.T], axis=1)
+    expected = np.stack([oracles.least_sequence(plant, spec, P, point, 4).x[:plant.m] for point in x.T], axis=1)
     limits = spec.inputs.lower[:, None], spec.inputs.upper[:, None]
     assert np.any(u == limits[0]) and np.any((u > limits[0]) & (u < limits[1]))
     assert start.inc.q == 8 and u == pytest.approx(expected, abs=1e-5)
@@ -57,7 +44,7 @@ def test_a_given_terminal_weight_is_used(problem):
     plant, spec = problem
     P, x = np.diag([3.0, 0.0, 1.0]), np.array([0.3, -0.2, 0.4])
     start = predictive_start(plant, spec, horizon=2, terminal=P)
-    assert start.inc(plant.C @ x) == pytest.approx(first_input(plant, spec, P, x, 2), abs=1e-5)
+    assert start.inc(plant.C @ x) == pytest.approx(oracles.least_sequence(plant, spec, P, x, 2).x[:plant.m], abs=1e-5)
 
 
 def test_costs_are_ordered():
