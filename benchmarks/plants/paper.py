@@ -10,7 +10,7 @@ from inc_casadi import INC, Box, LeakyReLU, Plant, Spec
 
 
 class Case(NamedTuple):
-    """A control problem: plant, specification, and the label in the paper where it is stated."""
+    """A control problem: plant, specification, and where it is stated: a label of the paper, or a publication."""
 
     plant: Plant
     spec: Spec

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from . import compleib, oscillators, pendulums, textbook, vehicles
+from . import aircraft, compleib, compleib_larger, drives, oscillators, pendulums, tanks, textbook, vehicles
 from .paper import Case, output_feedback, scalar, two_state
 
 FAMILIES: tuple[Callable[[], dict[str, Case]], ...] = (
     lambda: {"scalar": scalar(0.95, 0.05), "two states": two_state(), "embedding, output": output_feedback(0.5, 0.95, 0.3)},
-    textbook.cases, pendulums.cases, vehicles.cases, compleib.cases, oscillators.cases,
+    textbook.cases, drives.cases, tanks.cases, pendulums.cases, vehicles.cases, aircraft.cases, compleib.cases,
+    compleib_larger.cases, oscillators.cases,
 )
 
 
@@ -22,7 +23,7 @@ def suite() -> dict[str, Case]:
     ------
     ValueError : two cases share a name
 
-    >>> len(suite()) >= 10, suite()["two states"].source
+    >>> len(suite()) >= 29, suite()["two states"].source
     (True, 'eq:two_state_plant')
     """
     found: dict[str, Case] = {}
