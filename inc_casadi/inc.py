@@ -170,6 +170,22 @@ class INC:
         from .affine_pieces import represent
         return represent(pieces, tol, saturations).inc
 
+    @classmethod
+    def from_onnx(cls, source: Any, output: str | None = None) -> INC:
+        """Return the network of an ONNX file or model; see `interchange.onnx_in`, which checks it point by point."""
+        from .interchange.onnx_in import from_onnx
+        return from_onnx(source, output)
+
+    @classmethod
+    def from_lqr(cls, gain: Any, limits: Box | None = None) -> INC:
+        """Return u = -K x of python-control's lqr or dlqr, clipped to limits if given; see `interchange.control_system`.
+
+        >>> INC.from_lqr([[2.0]], Box([-1.0], [1.0]))([[0.25, 3.0]]).tolist()
+        [[-0.5, -1.0]]
+        """
+        from .interchange.control_system import from_lqr
+        return from_lqr(gain, limits)
+
     def with_saturated_output(self, limits: Box) -> INC:
         """Return the law whose output is this one's, clipped to the box; one more saturation unit per input.
 
@@ -319,6 +335,21 @@ class INC:
         """Return the law as a CasADi Function y -> (u, eta), the fixed point as an implicit rootfinder."""
         from .graph import inc_function
         return inc_function(self)
+
+    def to_c(self, name: str = "inc", **options: Any) -> Any:
+        """Return the law as self-contained C with a proved error bound; see `interchange.c_code.to_c`."""
+        from .interchange.c_code import to_c
+        return to_c(self, name, **options)
+
+    def to_onnx(self, path: Any = None, *, double: bool = True) -> Any:
+        """Return a feedforward law as an ONNX model, written to a path if given; see `interchange.onnx_out`."""
+        from .interchange.onnx_out import to_onnx
+        return to_onnx(self, path, double=double)
+
+    def to_control(self, dt: float | bool | None = None, **names: Any) -> Any:
+        """Return the law as a static `control.NonlinearIOSystem` from y to u; see `interchange.control_system`."""
+        from .interchange.control_system import to_control
+        return to_control(self, dt, **names)
 
 
 def inner_half(limits: Box) -> tuple[Array, Array]:

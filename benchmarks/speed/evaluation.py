@@ -15,15 +15,15 @@ SIZES, POINTS, NORM = (8, 32, 128), 1000, 0.9
 MEASUREMENTS, OUTPUTS = 4, 2
 
 
-def random_law(q: int, seed: int = 0) -> INC:
-    """Return a ReLU law with a full W, ||W||_inf = 0.9, for 4 measurements and 2 outputs.
+def random_law(q: int, seed: int = 0, norm: float = NORM) -> INC:
+    """Return a ReLU law with a full W, ||W||_inf = norm, for 4 measurements and 2 outputs.
 
     >>> round(random_law(8).well_posedness().norm, 12)
     0.9
     """
     rng = np.random.default_rng(seed)
     W = rng.standard_normal((q, q))
-    W *= NORM / np.max(np.sum(np.abs(W), axis=1))
+    W *= norm / np.max(np.sum(np.abs(W), axis=1))
     return INC(W, rng.standard_normal((q, MEASUREMENTS)), rng.standard_normal((OUTPUTS, q)) / q,
                rng.standard_normal((OUTPUTS, MEASUREMENTS)), 0.5 * rng.standard_normal(q))
 
