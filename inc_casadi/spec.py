@@ -22,9 +22,9 @@ class Spec:
 
     Parameters
     ----------
-    Q : (n, n) symmetric positive semidefinite, the cost of the state per step
-    R : (m, m) symmetric positive semidefinite, the cost of the input per step; may be zero
-    discount : factor per step in (0, 1], called beta in the paper
+    Q : (n, n) symmetric positive semidefinite, the cost of the state per step, in continuous time per second
+    R : (m, m) symmetric positive semidefinite, the cost of the input, likewise; may be zero
+    discount : factor per step, in continuous time per second, in (0, 1], called beta in the paper
     initial : distribution of x_0 in R^n; a bare Box, Polytope or Ellipsoid stands for the uniform one
     inputs : Box or Polytope in R^m that every input must stay in, or None for no limit
 

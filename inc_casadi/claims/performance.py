@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, number, symmetric
-from ..errors import DimensionError, InvalidInputError
+from ..errors import DimensionError
 from ..figures import at_most
 from ..inc import INC
 from ..loop import ClosedLoop
@@ -26,21 +26,30 @@ REST_TOLERANCE = 1e-11  # ten times the tolerance of the fixed point
 class DiscountedCost(Claim):
     """The discounted cost of every motion is at most x_0'P x_0, in expectation tr(P S0). Sufficient, not necessary.
 
-    If P > 0 and X'PX - discount F'PF - X'QX - G'RG - M > 0 (thm:performance, discrete time), then
+    Discrete time (thm:performance): if P > 0 and X'PX - discount F'PF - X'QX - G'RG - M > 0, then
 
-        sum_k discount^k (x_k'Q x_k + u_k'R u_k) <= x_0'P x_0      for every x_0,
+        sum_k discount^k (x_k'Q x_k + u_k'R u_k) <= x_0'P x_0      for every x_0.
 
-    and its expectation is at most tr(P S0), S0 = E[x_0 x_0']. With discount < 1 the cost can be finite without
-    stability: ask for `Stability` too when it matters.
+    Continuous time, with exp(-gamma) = discount: if P > 0 and gamma X'PX - He(X'PF) - X'QX - G'RG - M > 0, then
+
+        integral_0^inf exp(-gamma t) (x'Q x + u'R u) dt <= x_0'P x_0      for every x_0.
+
+    For V(x) = x'P x the inequality reads d/dt (exp(-gamma t) V) <= -exp(-gamma t) (x'Q x + u'R u) along every motion, and
+    V >= 0 ends the integral. For a linear law the least P solves the Lyapunov equation of A + B K C - gamma I / 2, and the
+    bound is the cost. gamma is taken a little below -log(discount), by 1e-15 of it: that only makes the cost larger.
+
+    In expectation the cost is at most tr(P S0), S0 = E[x_0 x_0']. With discount < 1 it can be finite without stability:
+    ask for `Stability` too when it matters.
 
     A biased controller: the inequality bounds the cost of deviations from an equilibrium
     (eq:incremental_cost_bound), which is the cost itself only if u = 0 at x = 0. That is checked: to rounding by
     `Certificate.holds`, exactly by `Certificate.prove`; otherwise the claim is refused with the reason.
 
-    Q: (n, n) positive semidefinite, cost per squared state unit and step; R: (m, m) positive semidefinite, per squared
-    input unit; discount: in (0, 1]; initial: a distribution of x_0, or a set for the uniform one.
+    Q: (n, n) positive semidefinite, cost per squared state unit and step, in continuous time per second; R: (m, m)
+    positive semidefinite, per squared input unit; discount: in (0, 1], the factor per step, in continuous time per second;
+    initial: a distribution of x_0, or a set for the uniform one.
 
-    Raises InvalidInputError and DimensionError for what does not fit, or for a plant in continuous time.
+    Raises InvalidInputError and DimensionError for what does not fit.
 
     >>> from inc_casadi import Box
     >>> DiscountedCost([[1.0]], [[0.05]], 0.98, Box([-1.0], [1.0])).initial.second_moment.round(6).tolist()
@@ -64,10 +73,7 @@ class DiscountedCost(Claim):
             object.__setattr__(self, name, value)
 
     def check(self, plant: Plant, inc: INC) -> None:
-        """Raise InvalidInputError in continuous time, DimensionError when Q or R do not fit the plant."""
-        if not plant.discrete:
-            raise InvalidInputError("thm:performance sums the cost over steps, so DiscountedCost needs a discrete "
-                                    "plant: sample it first, plant.sampled(dt)")
+        """Raise DimensionError when Q or R do not fit the plant."""
         if self.Q.shape[0] != plant.n or self.R.shape[0] != plant.m:
             raise DimensionError(f"Q is {self.Q.shape[0]} x {self.Q.shape[0]} and R {self.R.shape[0]} x "
                                  f"{self.R.shape[0]}, but the plant has {plant.n} states and {plant.m} inputs")
@@ -85,15 +91,22 @@ class DiscountedCost(Claim):
     def conditions(self, graphs: Graphs, values: Mapping[str, Any], M: Mapping[str, Any]) -> dict[str, Any]:
         """Return V > 0, the decrease, and V < x'P_0 x where V depends on hidden vectors."""
         P, step = values["P"], graphs[DECREASE]
-        Q, R, discount = constant(step, self.Q), constant(step, self.R), constant(step, self.discount)
+        Q, R = constant(step, self.Q), constant(step, self.R)
         x = step.X[: step.n, :]
         stage = x.T @ Q @ x + step.G.T @ R @ step.G
-        found = {**positive(graphs, P, M), "decrease": descent(step, P, discount) - stage - M[DECREASE]}
+        found = {**positive(graphs, P, M), "decrease": self._drop(step, P) - stage - M[DECREASE]}
         if POSITIVE in graphs:
             rows = graphs["initial"].X
             x = rows[: step.n, :]
             found["initial"] = x.T @ values["P_0"] @ x - rows.T @ P @ rows - M["initial"]
         return found
+
+    def _drop(self, step: ClosedLoop, P: Any) -> Any:
+        """Return what the discounted V loses: V - discount V+, or gamma V - dV/dt."""
+        if step.plant.discrete:
+            return descent(step, P, constant(step, self.discount))
+        drop = descent(step, P)
+        return drop if self.discount == 1.0 else drop + constant(step, decay(self.discount)) * (step.X.T @ P @ step.X)
 
     def objective(self, graphs: Graphs, values: Mapping[str, Any]) -> Any:
         """Return tr(P S0) as a 1 x 1 matrix."""
@@ -138,6 +151,16 @@ class DiscountedCost(Claim):
         if np.all(offset <= REST_TOLERANCE * (np.abs(inc.V) @ np.maximum(1.0, np.abs(eta)) + np.abs(inc.d))):
             return None
         return f"the controller answers |u| = {offset.max():.3g} at x = 0, {counted}"
+
+
+def decay(discount: float) -> float:
+    """Return a rate gamma with exp(-gamma) >= discount for certain, below -log(discount) by about 1e-15 of it.
+
+    >>> decay(1.0), bool(abs(decay(0.5) - np.log(2)) < 1e-15)
+    (0.0, True)
+    """
+    # Logarithms of the mathematical libraries in use err by about one unit of rounding, 2^-53 of the value; this is eight.
+    return float(-np.log(discount)) * (1.0 - 2.0**-50) + 0.0
 
 
 def mean_form(P: Any, S: Array) -> Any:

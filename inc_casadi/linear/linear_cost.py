@@ -25,6 +25,8 @@ from .dynamic_loop import started, static_form
 from .input_limits import limit_weight, limits_broken
 from .lyapunov import bounding_sum, discounted_sum
 
+_CONTINUOUS = "the cost is a sum over steps, but the plant is continuous (dt = 0): use plant.sampled(dt)"
+
 
 @dataclass(frozen=True, eq=False)
 class LinearCost(Certificate):
@@ -52,6 +54,10 @@ class LinearCost(Certificate):
     controller: LinearController = field(repr=False)
     P: Array | None = field(repr=False)
     W: Array | None = field(repr=False)
+
+    def __post_init__(self) -> None:
+        if not self.plant.discrete:
+            raise InvalidInputError(_CONTINUOUS)
 
     @cached_property
     def loop(self) -> ClosedLoop:
@@ -192,7 +198,7 @@ def linear_cost(plant: Any, spec: Spec, controller: LinearController) -> LinearC
     plant = as_plant(plant)
     spec.check(plant)
     if not plant.discrete:
-        raise InvalidInputError("the cost is a sum over steps, but the plant is continuous (dt = 0): use plant.sampled(dt)")
+        raise InvalidInputError(_CONTINUOUS)
     bare = LinearCost(plant, spec, controller, None, None)
     loop, weight = bare.loop, bare._weight
     P = bounding_sum(loop.F, _stage(loop, spec.Q, spec.R), spec.discount, lambda P: bare._cost_part(P).surely())

@@ -66,24 +66,21 @@ def discounted_lqr(plant: Any, spec: Spec) -> tuple[Array, Array]:
     return K, P
 
 
-def damped_plant(plant: Plant, spec: Spec) -> Plant:
-    """Return the plant whose undiscounted cost is the discounted cost of the given one: sqrt(beta) A, sqrt(beta) B.
+def damped_plant(plant: Any, spec: Spec) -> Plant:
+    """Return the plant whose undiscounted cost is the discounted cost of the given one.
 
-    Raises
-    ------
-    InvalidInputError : a continuous plant with a discount below 1
+    sqrt(beta) A, sqrt(beta) B in discrete time; A + log(beta)/2 I, B in continuous time, where beta is a factor per second:
+    z(t) = beta^(t/2) x(t) turns int beta^t (x'Qx + u'Ru) dt into int (z'Qz + v'Rv) dt.
 
     >>> from inc_casadi import Box, Plant, Spec
     >>> damped_plant(Plant(2.0, 1.0), Spec(Q=1.0, R=1.0, discount=0.25, initial=Box(-1, 1))).A.tolist()
     [[1.0]]
     """
+    plant = as_plant(plant)
     if plant.discrete:
         root = np.sqrt(spec.discount)
         return Plant(root * plant.A, root * plant.B, plant.C, plant.dt)
-    if spec.discount < 1:
-        raise InvalidInputError(f"discount = {spec.discount:g} is a factor per step, but the plant is continuous "
-                                "(dt = 0): use discount=1 or plant.sampled(dt)")
-    return plant
+    return Plant(plant.A + np.log(spec.discount) / 2 * np.eye(plant.n), plant.B, plant.C, 0.0)
 
 
 def _riccati(damped: Plant, spec: Spec) -> Array | None:
@@ -145,5 +142,5 @@ def _stable(damped: Plant, K: Array) -> bool:
 
 
 def _named(value: complex, spec: Spec, plant: Plant) -> str:
-    value = value / np.sqrt(spec.discount) if plant.discrete else value
+    value = value / np.sqrt(spec.discount) if plant.discrete else value - np.log(spec.discount) / 2
     return f"{value.real:.6g}" if abs(value.imag) < 1e-12 else f"{value.real:.6g} {value.imag:+.6g}i"

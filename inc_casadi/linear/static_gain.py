@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ..arrays import Array
+from ..arrays import Array, number
 from ..errors import InfeasibleError, InvalidInputError
 from ..plant import Plant, as_plant
 from ..reachability import uncontrollable_vertex
@@ -34,7 +35,8 @@ class StaticGain:
     admissible: bool
 
 
-def best_static_gain(plant: Any, spec: Spec, *, seed: int = 0, starts: int = 6) -> StaticGain:
+def best_static_gain(plant: Any, spec: Spec, *, seed: int = 0, starts: int = 6,
+                     seconds: float | None = None) -> StaticGain:
     """Return the best static linear gain found among those that keep the input limits on the initial set.
 
     min over F of tr(P_F S0), P_F = Q + C'F'R F C + beta (A + BFC)'P_F (A + BFC), subject to H_u F C v <= h_u for every
@@ -48,6 +50,7 @@ def best_static_gain(plant: Any, spec: Spec, *, seed: int = 0, starts: int = 6) 
     spec : Spec; initial on a bounded set when there are input limits
     seed : of the random starts
     starts : how many: no feedback, the scaled LQR gain, and random admissible gains
+    seconds : after which each search ends with what it has
 
     Returns
     -------
@@ -80,15 +83,21 @@ def best_static_gain(plant: Any, spec: Spec, *, seed: int = 0, starts: int = 6) 
     _refuse_unmeasured(plant, spec)
     admissible, damped = _listed(plant, spec), damped_plant(plant, spec)
     gains = _starts(admissible, K, np.random.default_rng(seed), whole("starts", starts, 1))
+    if seconds is not None:
+        admissible.until = time.monotonic() + number("seconds", seconds, 0.0)
     reached = [annealed(damped, admissible, F) for F in gains]
     found = [_judged(plant, spec, _scaled(plant, spec, F)) for F in reached if F is not None]
     if not found:
         obstacle = uncontrollable_vertex(plant, spec)
         raise InfeasibleError(
             f"no static gain u = F y was found that stabilizes the plant (discounted by {spec.discount:g}) and keeps "
-            f"the input limits on the initial set, from {starts} starts; that is evidence, not proof. "
+            f"the input limits on the initial set, from {starts} starts{_within(seconds)}; that is evidence, not proof. "
             + (obstacle or "Try more starts, a smaller initial set, more measurements, or a dynamic controller."))
     return min(found, key=lambda gain: gain.cost)
+
+
+def _within(seconds: float | None) -> str:
+    return "" if seconds is None else f" in {seconds:g} s"
 
 
 def scaled_lqr_gain(plant: Any, spec: Spec) -> StaticGain:
@@ -147,7 +156,7 @@ def _refuse_gaussian(spec: Spec) -> None:
 def _refuse_unmeasured(plant: Plant, spec: Spec) -> None:
     modes = damped_plant(plant, spec).undetectable_modes()
     if modes:
-        value = modes[0] / np.sqrt(spec.discount) if plant.discrete else modes[0]
+        value = modes[0] / np.sqrt(spec.discount) if plant.discrete else modes[0] - np.log(spec.discount) / 2
         shown = f"{value.real:.6g}" if abs(value.imag) < 1e-12 else f"{value.real:.6g} {value.imag:+.6g}i"
         raise InfeasibleError(f"the output does not show the unstable mode {shown}, so no output feedback can "
                               "stabilize it: measure more")

@@ -74,8 +74,8 @@ def test_values_must_be_those_that_are_asked_for():
         replace(PAPER, values={"P": [[np.nan]], "Lambda": [1.0, 2.0]})
     with pytest.raises(InvalidInputError, match="must be a Claim"):
         replace(PAPER, claim="stable")
-    with pytest.raises(InvalidInputError, match="needs a discrete plant"):
-        replace(PAPER, plant=Plant([[1.2]], [[1.0]], dt=0))
+    with pytest.raises(DimensionError, match="R 2 x 2, but the plant has 1 states and 1 inputs"):
+        replace(PAPER, claim=replace(PAPER.claim, R=np.eye(2)))
 
 
 def test_a_product_that_the_multiplier_may_not_use_is_refused():

@@ -88,8 +88,8 @@ def test_refusals_at_the_door():
         certify(np.eye(2), LAW, COST)
     with pytest.raises(DimensionError):
         certify(Plant(np.eye(2), np.ones((2, 1))), LAW, COST)
-    with pytest.raises(InvalidInputError, match="needs a discrete plant"):
-        certify(Plant([[1.2]], [[1.0]], dt=0), LAW, COST)
+    with pytest.raises(InvalidInputError, match="rate = 0 must be positive"):
+        certify(Plant([[1.2]], [[1.0]], dt=0), LAW, Stability(0.0))
 
 
 def with_hidden(certificate, x):

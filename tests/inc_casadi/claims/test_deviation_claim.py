@@ -95,8 +95,6 @@ def test_a_loop_without_an_equilibrium_is_refused():
 
 def test_what_it_refuses():
     claim = DeviationCost([[1.0]], [[1.0]], 0.9, Box([-1.0], [1.0]))
-    with pytest.raises(InvalidInputError, match="needs a discrete plant"):
-        claim.check(Plant([[-0.5]], [[1.0]], dt=0), INC.linear([[0.0]]))
     with pytest.raises(DimensionError, match="but the plant has 1 states and 2 inputs"):
         claim.check(Plant([[0.5]], [[1.0, 2.0]]), INC.linear([[0.0], [0.0]]))
     with pytest.raises(InvalidInputError, match="discount = 1.1"):

@@ -80,8 +80,6 @@ def test_refusals_at_the_door():
     with pytest.raises(InvalidInputError, match="positive semidefinite"):
         DiscountedCost([[-1.0]], [[1.0]], 0.9, BOX)
     claim = DiscountedCost([[1.0]], [[1.0]], 0.9, BOX)
-    with pytest.raises(InvalidInputError, match="needs a discrete plant"):
-        claim.check(Plant([[0.5]], [[1.0]], dt=0), INC.linear([[0.0]]))
     with pytest.raises(DimensionError, match="but the plant has 1 states and 2 inputs"):
         claim.check(Plant([[0.5]], [[1.0, 2.0]]), INC.linear([[0.0], [0.0]]))
 

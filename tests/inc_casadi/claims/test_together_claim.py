@@ -108,8 +108,8 @@ def test_what_it_refuses():
     for claims in ((COST,), (), (COST, "stable")):
         with pytest.raises(InvalidInputError, match="at least two Claims"):
             Together(claims)
-    with pytest.raises(InvalidInputError, match="needs a discrete plant"):
-        Together((Stability(0.9), COST)).check(Plant([[-0.5]], [[1.0]], dt=0), LAW)
+    with pytest.raises(InvalidInputError, match="rate = 1.5 is outside"):
+        Together((Stability(1.5), COST)).check(PLANT, LAW)
     noisy = Together((Stability(0.9), L2Gain([[1.0]], D=[[1.0]])))
     assert "measurement is disturbed" in noisy.refusal(close_loop(PLANT, LAW), Lifted())
     moved = INC([[0.0]], [[2.0]], [[-0.3]], [[0.1]], b=[1.0])

@@ -48,8 +48,9 @@ def test_continuous_time_against_the_scalar_formula():
     K, P = discounted_lqr(Plant(1.0, 2.0, dt=0.0), Spec(3.0, 0.5, 1.0, Box(-1, 1)))
     assert P[0, 0] == pytest.approx((1 + np.sqrt(1 + 3 * 4 / 0.5)) * 0.5 / 4)
     assert K[0, 0] == pytest.approx(-2 * P[0, 0] / 0.5)
-    with pytest.raises(InvalidInputError, match="factor per step"):
-        discounted_lqr(Plant(1.0, 2.0, dt=0.0), Spec(3.0, 0.5, 0.9, Box(-1, 1)))
+    K, P = discounted_lqr(Plant(1.0, 2.0, dt=0.0), Spec(3.0, 0.5, 0.9, Box(-1, 1)))
+    damped = 1.0 + np.log(0.9) / 2  # 0.9 per second: 2 damped P + 3 = 8 P^2
+    assert P[0, 0] == pytest.approx((damped + np.sqrt(damped**2 + 3 * 4 / 0.5)) * 0.5 / 4)
     with pytest.raises(InvalidInputError, match="impulse"):
         discounted_lqr(Plant(1.0, 2.0, dt=0.0), Spec(3.0, 0.0, 1.0, Box(-1, 1)))
 

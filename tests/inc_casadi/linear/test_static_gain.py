@@ -140,3 +140,14 @@ def test_refusals_name_the_reason():
 def test_the_seed_decides_the_starts():
     first, again = (best_static_gain(TWO_STATE, TWO_STATE_SPEC, seed=5, starts=3) for _ in range(2))
     assert first.cost == again.cost and np.array_equal(first.F, again.F)
+
+
+def test_a_time_limit_ends_the_search_with_what_it_has():
+    """A gain found in no time is a start as it is: no better than the one that the search ends with, or none."""
+    plant = Plant([[0.9, 0.5], [0.0, 0.8]], [[0.2], [0.5]])
+    spec = Spec(np.eye(2), 0.05, 0.98, Box([-0.8, -0.8], [0.8, 0.8]), Box(-1, 1))
+    quick, whole = best_static_gain(plant, spec, seconds=0.0), best_static_gain(plant, spec)
+    assert quick.admissible and whole.cost < quick.cost < np.inf
+    assert best_static_gain(plant, spec, seconds=1e4).cost == whole.cost
+    with pytest.raises(InfeasibleError, match="6 starts in 0 s"):
+        best_static_gain(Plant([[1.6, 1.0], [0.0, 1.5]], [[0.2], [0.5]], [[1.0, 0.2]]), spec, seconds=0.0)
