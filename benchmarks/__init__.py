@@ -1,1 +1,1 @@
-"""The paper's figures, bounds on a suite of plants, and speed: `python -m benchmarks paper`, `bounds`, `speed`, `main`."""
+"""The suite of plants, the paper's figures, bounds, and speed: `python -m benchmarks`, and `--help` for its commands."""
