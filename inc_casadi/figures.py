@@ -20,14 +20,15 @@ def at_least(value: float, digits: int = DIGITS) -> str:
 def at_most(value: float, digits: int = DIGITS) -> str:
     """Return an upper bound rounded up; a number of few digits is printed as it was written.
 
-    >>> at_most(1.36496190), at_most(0.9)
-    ('1.364962', '0.9')
+    >>> at_most(1.36496190), at_most(0.9), at_most(100.0, 2)
+    ('1.364962', '0.9', '100')
     """
     return _rounded(value, ROUND_CEILING, digits)
 
 
 def _rounded(value: float, rounding: str, digits: int) -> str:
     if value == 0 or not isfinite(value) or float(f"{value:.{digits}g}") == value:
-        return f"{value:.{digits}g}"
+        short = f"{value:.{digits}g}"
+        return f"{value:.0f}" if "e+" in short and abs(value) < 10.0**LONG else short
     rounded = Context(prec=digits, rounding=rounding).create_decimal_from_float(float(value)).normalize()
     return f"{rounded:f}" if abs(rounded.adjusted()) < LONG else f"{rounded:e}"

@@ -19,6 +19,7 @@ from ..sets import Box, Polytope, Uniform, rules
 from .walk import Budget
 
 SMALLEST, LARGEST, POINTS, STEPS = 2.0**-10, 2.0**8, 1000, 600
+BLOCKS, SLOW = 20, 1e-6
 STAGE = Budget(pieces=20_000, steps=2_000, seconds=20.0)
 BACK = (1.0, 4.0, 16.0, 64.0)  # how far below the refuted factor is tried, in tolerances
 
@@ -126,15 +127,32 @@ def _refuted(plant: Any, inc: INC, claim: Regional, first: RegionalCertificate, 
 
 
 def _failing(plant: Any, inc: INC, claim: Regional, first: RegionalCertificate, x: Array) -> Array | None:
-    """A starting point among x (n, N) whose motion breaks an input limit or is not at rest in the end, or None."""
-    start, terminal = x, first._setting[1]
+    """A starting point among x (n, N) whose motion breaks an input limit or does not come to rest, or None.
+
+    It rests where the motion from the center does. One that still comes nearer to that by a share SLOW in every STEPS steps
+    is slow and no counterexample; it is followed for BLOCKS times as many.
+    """
+    terminal = first._setting[1]
+    x = start = np.hstack([x, claim.initial.support.center[:, None]])
     kept, limit = np.ones(x.shape[1], dtype=bool), 1e6 * float(np.max(np.abs(x)))
-    for _ in range(STEPS):
-        u = inc(plant.C @ x)
-        if claim.inputs is not None:
-            kept &= np.all(claim.inputs.H @ u <= claim.inputs.h[:, None] * (1 + 1e-9) + 1e-9, axis=0)
-        x = np.clip(plant.A @ x + plant.B @ u, -limit, limit)
-        good = kept & (terminal.contains(x.T) if terminal is not None else np.zeros(x.shape[1], dtype=bool))
-        if good.all() or not kept.all():
-            break
-    return None if good.all() else start[:, int(np.argmin(good))]
+    for _ in range(BLOCKS):
+        before = _apart(x)
+        for _ in range(STEPS):
+            u = inc(plant.C @ x)
+            if claim.inputs is not None:
+                kept &= np.all(claim.inputs.H @ u <= claim.inputs.h[:, None] * (1 + 1e-9) + 1e-9, axis=0)
+            x = np.clip(plant.A @ x + plant.B @ u, -limit, limit)
+            good = kept & (terminal.contains(x.T) if terminal is not None else np.zeros(x.shape[1], dtype=bool))
+            if good[:-1].all():
+                return None
+            if not kept.all():
+                return start[:, int(np.argmin(kept))]
+        stuck = ~good[:-1] & (_apart(x) > (1 - SLOW) * before)
+        if stuck.any():
+            return start[:, int(np.argmax(stuck))]
+    return None
+
+
+def _apart(x: Array) -> Array:
+    """The distance of each motion from the last one."""
+    return np.asarray(np.max(np.abs(x[:, :-1] - x[:, -1:]), axis=0))

@@ -45,3 +45,10 @@ def test_what_is_not_piecewise_affine_is_refused():
     claim = Regional(Box([-1.0], [1.0]), None, [[1.0]], [[0.0]])
     with pytest.raises(InvalidInputError, match="piecewise affine"):
         largest_scale(Plant([[0.5]], [[1.0]]), INC([[0.1]], [[1.0]], [[0.3]], [[0.0]], activation=Tanh()), claim)
+
+
+def test_a_slow_motion_refutes_nothing():
+    """x+ = x + u / 1000 with u = sat(-x): from 256 the way to rest takes 255 000 steps, and every motion comes to rest."""
+    claim = Regional(Box([-1.0], [1.0]), Box([-1.0], [1.0]), [[1.0]], [[0.0]], 0.9)
+    found = largest_scale(Plant([[1.0]], [[0.001]]), INC.saturated([[-1.0]], 1.0), claim)
+    assert found.witness is None and found.refuted == np.inf and found.factor >= 1
