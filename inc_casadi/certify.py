@@ -12,6 +12,7 @@ from .claims.attraction import Attraction
 from .claims.base import Claim
 from .claims.invariance import Invariance
 from .claims.regional import Regional
+from .ellipsoidal_region import certify_ellipsoidal
 from .errors import InvalidInputError
 from .inc import INC
 from .inequalities import Inequalities
@@ -22,8 +23,9 @@ from .local.certify import certify_attraction
 from .loop import ClosedLoop, close_loop
 from .multipliers import LADDER, Multiplier, Sector, as_multiplier
 from .pieces.walk import Budget
-from .plant import as_plant
+from .plant import Plant, as_plant
 from .regional_certificate import certify_region
+from .spec import Spec
 
 MOST_UNKNOWNS = 1500  # up to which "auto" tries a rung: about ten seconds for each search
 
@@ -41,9 +43,10 @@ def certify(plant: Any, inc: INC, claim: Claim | Regional | Attraction | Invaria
     apply, and returns the strongest that holds; for a claim with nothing to improve, the first that holds. The note says
     how each rung fared. solver: "interior point", "clarabel", or "auto", the former with the latter for what it gives up on.
 
-    From a set: `Regional` (exact pieces), `Attraction` (the largest ellipsoid; method: "linear", "convex hull", "dead zone",
-    "local sectors", "polytope", or "auto", the largest of all) and `Invariance` (of a given set; method: "pieces",
-    "mixed-integer", "bounds", or "auto"). budget: how far exact pieces may go.
+    From a set: `Regional` (method: "pieces", exact, which "auto" stands for, or "ellipsoid": units of any kind, bounds on
+    cost), `Attraction` (the largest ellipsoid; method: "linear", "convex hull", "dead zone", "local sectors", "polytope",
+    or "auto", the largest of all) and `Invariance` (of a given set; method: "pieces", "mixed-integer", "bounds", or "auto").
+    budget: how far exact pieces may go, and for how many seconds an ellipsoid is searched for.
 
     A matrix certificate is sufficient, not necessary: that none is found does not refute the claim.
 
@@ -61,7 +64,7 @@ def certify(plant: Any, inc: INC, claim: Claim | Regional | Attraction | Invaria
     if not isinstance(inc, INC):
         raise InvalidInputError(f"inc must be an INC, not {type(inc).__name__}")
     if isinstance(claim, Regional):
-        return certify_region(plant, inc, claim, budget)
+        return _regional(plant, inc, claim, method, budget or Budget())
     if isinstance(claim, Attraction):
         return certify_attraction(plant, inc, claim, method)
     if isinstance(claim, Invariance):
@@ -75,6 +78,15 @@ def certify(plant: Any, inc: INC, claim: Claim | Regional | Attraction | Invaria
     loop = close_loop(plant, inc)
     claim.check(plant, inc)
     return _climb(loop, claim, rungs, Solvers(solver))
+
+
+def _regional(plant: Plant, inc: INC, claim: Regional, method: str, budget: Budget) -> Certificate:
+    if method in ("auto", "pieces"):
+        return certify_region(plant, inc, claim, budget)
+    if method != "ellipsoid":
+        raise InvalidInputError(f"method is {method!r}, but for a Regional claim it must be 'auto', 'pieces' or 'ellipsoid'")
+    spec = Spec(claim.Q, claim.R, claim.discount, claim.initial, claim.inputs)
+    return certify_ellipsoidal(plant, inc, spec, budget.seconds)
 
 
 def _climb(loop: ClosedLoop, claim: Claim, rungs: tuple[Multiplier, ...], how: Solvers) -> MatrixCertificate:

@@ -47,3 +47,7 @@ class SolverError(INCError):
 
 class FormatError(INCError, ValueError):
     """A file is not a saved noun of this toolbox, is of an unknown version, or was altered."""
+
+
+class TranslationError(INCError, ValueError):
+    """A network from elsewhere cannot be written as a controller, or answers otherwise than the original; names the part."""

@@ -82,10 +82,10 @@ def program_for(setting: Setting, around: Around, P: Array) -> Program:
     unknowns = [Unknown("X", (n, n), "symmetric"), Unknown("S", (q,), "nonnegative"),
                 Unknown("Y", (q, n), "free", zero=fixed), *goal_unknowns(setting.claim, n)]
     places, size = index_of(unknowns)
-    form = _Form(setting, around, root, Affine.unknown(places["X"]), diagonal(places["S"]), Affine.unknown(places["Y"]))
+    form = Form(setting, around, root, Affine.unknown(places["X"]), diagonal(places["S"]), Affine.unknown(places["Y"]))
     shape, cost = goal(setting.claim, root, places, size)
     blocks = (form.falls(), *form.inputs(), *form.rooms(), *shape)
-    rows, offset = _rows(setting, around, root, form.X, size)
+    rows, offset = limit_rows(setting, around, root, form.X, size)
     lower = np.full(size, -np.inf)
     lower[places["S"]] = 0.0
     limits = np.array([float(room) for room in input_rows(setting)[1]])
@@ -93,7 +93,7 @@ def program_for(setting: Setting, around: Around, P: Array) -> Program:
 
 
 @dataclass(frozen=True, eq=False)
-class _Form:
+class Form:
     """The forms over (e^, psi^) in the coordinates of `root`: e = root f, X = root X^ root', Y = Y^ root'."""
 
     setting: Setting
@@ -104,7 +104,7 @@ class _Form:
     Y: Affine
 
     @property
-    def _maps(self) -> tuple[Array, Array, Array]:
+    def maps(self) -> tuple[Array, Array, Array]:
         """Return z~, e+ (in the coordinates of root) and v over (f, psi)."""
         loop, near = self.setting.loop, np.diag(self.around.near)
         n, q = loop.n, loop.q
@@ -113,30 +113,31 @@ class _Form:
         s = np.vstack([np.hstack([self.root, np.zeros((n, q))]), near @ Z - np.eye(q, n + q, n)])
         return Z, np.linalg.solve(self.root, loop.F @ s), loop.G @ s
 
-    def _base(self, size: int, share: float) -> Affine:
+    def base(self, size: int, share: float) -> Affine:
         """Return share X - He(psi' sector) in the upper left corner; `Affine.block` takes the symmetric part."""
         n, wide = self.X.shape[0], np.diag(self.around.near - self.around.far)
-        Z = self._maps[0]
+        Z = self.maps[0]
         across = wide @ Z[:, :n] @ self.X - np.diag(self.around.bend) @ self.Y
         own = wide @ Z[:, n:] @ self.S - self.S
         return share * corner(self.X, size, 0, 0) + corner(-2.0 * across, size, n, 0) + corner(-2.0 * own, size, n, n)
 
-    def _image(self, row: Array) -> tuple[Affine, Affine]:
+    def image(self, row: Array) -> tuple[Affine, Affine]:
+        """Return rows over (f, psi) as rows over (e^, psi^), in two parts."""
         n = self.X.shape[0]
         return row[:, :n] @ self.X, row[:, n:] @ self.S
 
     def falls(self) -> Block:
         """Return the decrease of V."""
         n, q = self.X.shape[0], self.S.shape[0]
-        rate, step = self.setting.claim.rate, self._maps[1]
-        on_e, on_psi = self._image(step)
+        rate, step = self.setting.claim.rate, self.maps[1]
+        on_e, on_psi = self.image(step)
         if not self.setting.loop.plant.discrete:
             size = n + q
             flow = corner(-2.0 * on_e, size, 0, 0) + corner(-2.0 * on_psi, size, 0, n)
-            return (self._base(size, -(rate or 0.0)) + flow).block(np.eye(size))
+            return (self.base(size, -(rate or 0.0)) + flow).block(np.eye(size))
         size = 2 * n + q
         ahead = corner(2.0 * on_e, size, n + q, 0) + corner(2.0 * on_psi, size, n + q, n)
-        whole = self._base(size, 1.0 if rate is None else rate**2) + ahead + corner(self.X, size, n + q, n + q)
+        whole = self.base(size, 1.0 if rate is None else rate**2) + ahead + corner(self.X, size, n + q, n + q)
         return whole.block(np.eye(size))
 
     def inputs(self) -> list[Block]:
@@ -147,9 +148,9 @@ class _Form:
         one = np.zeros((size, size))
         one[-1, -1] = 1.0
         for row, room in zip(H, rooms, strict=True):
-            on_e, on_psi = self._image((row @ self._maps[2])[None, :] / float(room))
+            on_e, on_psi = self.image((row @ self.maps[2])[None, :] / float(room))
             edge = corner(2.0 * on_e, size, n + q, 0) + corner(2.0 * on_psi, size, n + q, n)
-            found.append((self._base(size, 1.0) + edge + one).block(np.eye(size)))
+            found.append((self.base(size, 1.0) + edge + one).block(np.eye(size)))
         return found
 
     def rooms(self) -> list[Block]:
@@ -164,7 +165,7 @@ class _Form:
         return found
 
 
-def _rows(setting: Setting, around: Around, root: Array, X: Affine, size: int) -> tuple[Array, Array]:
+def limit_rows(setting: Setting, around: Around, root: Array, X: Affine, size: int) -> tuple[Array, Array]:
     """Return 1 - g X g' >= 0 for the bounded units and the state limits."""
     H, rooms = state_rows(setting)
     states = H / np.array([float(room) for room in rooms]).reshape(-1, 1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,9 +62,9 @@ def largest(setting: Setting, programs: int = 60) -> dict[str, Array] | str:
     if start is None:
         return "the loop's linearization at the equilibrium is not stable"
     found: list[Found] = []
-    for bent in _modes(setting):
+    for bent in modes(setting):
         rival = max((run.merit for run in found), default=-np.inf)
-        run = _grown(setting, start, bent, rival, programs)
+        run = grown(setting, start, bent, programs, rival=rival)
         found += [] if run is None else [run]
     if not found:
         return "no bounds on the hidden units were found for which the inequalities have a solution"
@@ -74,8 +75,8 @@ def largest(setting: Setting, programs: int = 60) -> dict[str, Array] | str:
     return values
 
 
-def _modes(setting: Setting) -> list[np.ndarray]:
-    """Return which units are bent, mode by mode."""
+def modes(setting: Setting) -> list[np.ndarray]:
+    """Return which units are bent, (q,) truths, mode by mode: those that no other unit reads, and none."""
     bendable = np.zeros(setting.loop.q, dtype=bool)
     bendable[lines(setting).bent] = True
     unread = ~np.any(setting.loop.inc.W != 0, axis=0)
@@ -83,15 +84,17 @@ def _modes(setting: Setting) -> list[np.ndarray]:
     return [bendable & unread, *plain] if np.any(bendable & unread) else plain
 
 
-def _grown(setting: Setting, start: Array, bent: np.ndarray, rival: float, programs: int) -> Found | None:
+def grown(setting: Setting, start: Array, bent: np.ndarray, programs: int, *, rival: float = -np.inf,
+          enough: float = np.inf, until: float = np.inf) -> Found | None:
     """Return the best ellipsoid of one mode, or None: a first one, then moves as long as they gain, smaller in each round.
 
-    rival: the merit of another mode's; when the first move leaves this one far behind, no other is made.
+    rival: the merit of another mode's; when the first move leaves this one far behind, no other is made. enough: the merit
+    that ends the search; until: the time.monotonic() that does.
     """
     best, P, everywhere = None, start, np.ones(setting.loop.q)
     for _ in range(HALVINGS):
         best = _attempt(setting, P, everywhere, bent)
-        if best is not None:
+        if best is not None or time.monotonic() > until:
             break
         P = 4.0 * P
     left = programs
@@ -101,7 +104,7 @@ def _grown(setting: Setting, start: Array, bent: np.ndarray, rival: float, progr
         for move in _moves(setting, step, bent):
             if best.merit < rival - FAR * _size(setting, rival) and left < programs:
                 return best
-            while left > 0:
+            while left > 0 and best.merit < enough and time.monotonic() <= until:
                 left -= 1
                 trial = _attempt(setting, best.values["P"], move, bent)
                 if trial is None or trial.merit <= best.merit + GAIN * _size(setting, best.merit):
@@ -138,6 +141,12 @@ def _size(setting: Setting, merit: float) -> float:
 
 def _attempt(setting: Setting, P: Array, factor: Array, bent: np.ndarray) -> Found | None:
     """Return the largest ellipsoid under the bounds that {e'Pe <= 1} asks for times the factors (q,), or None."""
+    found = around_at(setting, P, factor, bent)
+    return None if found is None else _solved(setting, program_for(setting, found[0], P), found[1], ROUGH)
+
+
+def around_at(setting: Setting, P: Array, factor: Array, bent: np.ndarray) -> tuple[Around, Array] | None:
+    """Return what holds of the units under the bounds r that {e'Pe <= 1} asks for times the factors (q,), and r, or None."""
     r = consistent_bounds(setting, P, factor, ~bent)
     if r is None:
         return None
@@ -146,8 +155,7 @@ def _attempt(setting: Setting, P: Array, factor: Array, bent: np.ndarray) -> Fou
     if np.any(rooms[r > 0] <= 0):
         return None
     H = np.where(bent[:, None], np.ones((1, setting.loop.n)), 0.0)
-    around = Around.of(local_lines(setting, r, H), bounds.rows(setting.loop.Z[:, : setting.loop.n]), rooms, r > 0)
-    return _solved(setting, program_for(setting, around, P), r, ROUGH)
+    return Around.of(local_lines(setting, r, H), bounds.rows(setting.loop.Z[:, : setting.loop.n]), rooms, r > 0), r
 
 
 def _solved(setting: Setting, program: Program, r: Array, tolerance: float) -> Found | None:
@@ -166,7 +174,7 @@ def _settled(setting: Setting, run: Found) -> dict[str, Array] | str:
     for share in DEEP:
         values = {name: (1 - share) * run.values[name] + share * run.deep[name] for name in run.values}
         if setting.claim.has_cost:
-            cost = _cheapest(setting, values)
+            cost = cheapest(setting, values, np.linalg.inv(values["P"]))
             if cost is None:
                 reason = "no cost bound was found on the ellipsoid"
                 continue
@@ -176,8 +184,12 @@ def _settled(setting: Setting, run: Found) -> dict[str, Array] | str:
     return reason
 
 
-def _cheapest(setting: Setting, values: dict[str, Array]) -> dict[str, Array] | None:
-    """Return P_cost and Lambda_cost with the least mean of e'P_cost e over the ellipsoid, strictly inside, or None."""
+def cheapest(setting: Setting, values: dict[str, Array], moment: Array) -> dict[str, Array] | None:
+    """Return P_cost and Lambda_cost with the least tr(P_cost moment), strictly inside, or None.
+
+    values: those of `LocalSectors` without a cost; moment (n, n) positive definite: E[e e'] of the states that count, which
+    P^-1 is, up to a factor, for the uniform distribution on the ellipsoid.
+    """
     loop, claim, n, q = setting.loop, setting.claim, setting.loop.n, setting.loop.q
     places, size = index_of([Unknown("P_cost", (n, n), "symmetric"), Unknown("Lambda_cost", (q,), "nonnegative")])
     P, weights = Affine.unknown(places["P_cost"]), Affine.unknown(places["Lambda_cost"])
@@ -187,7 +199,7 @@ def _cheapest(setting: Setting, values: dict[str, Array]) -> dict[str, Array] | 
     mean = np.linalg.inv(values["P"])
     root = np.eye(n + q)
     root[:n, :n] = np.linalg.cholesky(mean)
-    cost = np.bincount(places["P_cost"].ravel(), mean.ravel(), minlength=size)
+    cost = np.bincount(places["P_cost"].ravel(), moment.ravel(), minlength=size)
     lower = np.full(size, -np.inf)
     lower[places["Lambda_cost"]] = 0.0
     blocks = (P.block(root[:n, :n]), drop.block(root))

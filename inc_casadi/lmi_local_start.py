@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .arrays import Array
+from .errors import SolverError
 from .local.base import Setting
 from .local.unit_bounds import linearized, near_rest
 
@@ -27,8 +28,10 @@ def linear_start(setting: Setting) -> Array | None:
     >>> [linear_start(Setting(loop, Attraction(), rest_of(loop))) for loop in loops]
     [array([[0.11111111]]), None]
     """
-    from scipy.linalg import LinAlgError, solve_continuous_lyapunov, solve_discrete_lyapunov
-
+    try:
+        from scipy.linalg import LinAlgError, solve_continuous_lyapunov, solve_discrete_lyapunov
+    except ImportError as error:
+        raise SolverError("the search for an ellipsoid needs SciPy: pip install scipy") from error
     loop, (center, _) = setting.loop, near_rest(setting.rest)
     slope = np.array([unit.derivative(z) for unit, z in zip(loop.inc.activations, center, strict=True)])
     Z, n = loop.Z, loop.n
@@ -44,7 +47,7 @@ def linear_start(setting: Setting) -> Array | None:
         return None
     P = (P + P.T) / 2
     reach = np.sqrt(np.einsum("ij,jk,ik->i", Z[:, :n], np.linalg.inv(P), Z[:, :n])) / (WIDE * unit_scales(setting, center))
-    widest = float(np.max(reach))
+    widest = float(np.max(reach, initial=0.0))
     return P * widest**2 if widest > 0 else P
 
 

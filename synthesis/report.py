@@ -65,8 +65,10 @@ def _costs(result: Result) -> list[tuple[str, str]]:
     if np.isfinite(result.cost):
         rows.append(("certified expected cost", _exact(result)))
     if np.isfinite(result.worst):
-        point = np.round(result.certificate.worst[1], 4).tolist()  # type: ignore[union-attr]
-        rows.append(("certified worst cost over the set", f"at most {at_most(result.worst)}, from x0 = {point}"))
+        where = ""
+        if isinstance(result.certificate, RegionalCertificate):
+            where = f", from x0 = {np.round(result.certificate.worst[1], 4).tolist()}"
+        rows.append(("certified worst cost over the set", f"at most {at_most(result.worst)}{where}"))
     run = result.estimate
     if run is not None:
         words = (f"{run.mean:.4f} +- {run.standard_error:.4f} (standard error, {run.samples} samples)"

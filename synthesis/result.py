@@ -13,6 +13,7 @@ from inc_casadi import INC, Plant, Spec
 from inc_casadi.bounds import Bound
 from inc_casadi.certificate import Certificate, Proof
 from inc_casadi.comparison import Comparison
+from inc_casadi.ellipsoidal_region import EllipsoidalRegion
 from inc_casadi.errors import NotCertifiedError
 from inc_casadi.estimate import Estimate
 from inc_casadi.regional_certificate import RegionalCertificate
@@ -95,7 +96,7 @@ class Result:
     @property
     def worst(self) -> float:
         """The certified largest cost over the initial set, NaN when no regional proof states one."""
-        if self.status == CERTIFIED and isinstance(self.certificate, RegionalCertificate):
+        if self.status == CERTIFIED and isinstance(self.certificate, RegionalCertificate | EllipsoidalRegion):
             return self.certificate.worst_bound
         return np.nan
 

@@ -37,9 +37,9 @@ def compare(plant: Any, spec: Spec, controllers: Mapping[str, Any] | None = None
     ----------
     plant : Plant or control.StateSpace
     spec : Spec
-    controllers : by name, an INC; a gain F (m, p) or StaticGain, u = F y; a LinearController or LinearCost; or a function
-        from columns y (p, N) to u (m, N), which can only be simulated. None stands for those that anyone would try: the
-        clipped regulator, the best static gain found, the scaled regulator
+    controllers : by name, an INC; a gain F (m, p) or StaticGain, u = F y; a LinearController or LinearCost; a DynamicINC; or
+        a function from columns y (p, N) to u (m, N), which can only be simulated. None stands for those that anyone would
+        try: the clipped regulator, the best static gain found, the scaled regulator
     bounds : the classes whose lower bounds are wanted
     budget : of the exact pieces of one controller
     cells, moves, seconds : work for the bounds on any controller, on linear ones (None: until the bound stops rising), and

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, matrix
+from ..dynamic import DynamicINC
 from ..errors import DimensionError, INCError, InvalidInputError
 from ..inc import INC
 from ..linear.controller import LinearController
@@ -17,6 +18,7 @@ from ..linear.linear_cost import LinearCost
 from ..linear.static_gain import StaticGain
 from ..plant import Plant
 from ..spec import Spec
+from .dynamic_laws import judge_dynamic
 from .effort import Effort
 from .laws import judge_law
 from .linear_laws import judge_linear
@@ -56,7 +58,7 @@ class CallableLaw:
 
 
 def admitted(plant: Plant, spec: Spec, controllers: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the controllers by name, each an INC, a linear controller or a CallableLaw that fits the plant.
+    """Return the controllers by name, each an INC, a DynamicINC, a linear controller or a CallableLaw that fits the plant.
 
     A gain F (m, p), or a StaticGain, becomes the law u = F y; a LinearCost stands for its controller.
 
@@ -92,7 +94,8 @@ def judge(plant: Plant, spec: Spec, name: str, controller: Any, effort: Effort) 
     return replace(row, seconds=perf_counter() - begun)
 
 
-_JUDGES: tuple[tuple[type, Judge], ...] = ((INC, judge_law), (LinearController, judge_linear), (CallableLaw, judge_callable))
+_JUDGES: tuple[tuple[type, Judge], ...] = ((INC, judge_law), (LinearController, judge_linear), (DynamicINC, judge_dynamic),
+                                           (CallableLaw, judge_callable))
 
 
 def _judge_of(controller: Any) -> Judge:
@@ -116,7 +119,7 @@ def _admitted(plant: Plant, spec: Spec, name: str, given: Any) -> Any:
         return law
     if given is None or isinstance(given, str | Mapping):
         raise InvalidInputError(f"controller {name!r} is {given!r}, but must be an INC, a gain matrix (m, p), a "
-                                "LinearController or a function of y")
+                                "LinearController, a DynamicINC or a function of y")
     return INC.linear(matrix(f"controller {name!r}", given, (plant.m, plant.p)))
 
 

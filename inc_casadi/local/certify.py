@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from ..certificate import posed_values
 from ..claims.attraction import Attraction
 from ..ellipsoid_certificate import NO_REST, EllipsoidCertificate
@@ -13,6 +15,7 @@ from ..inc import INC
 from ..loop import close_loop
 from ..plant import as_plant
 from .base import LocalMethod, Setting
+from .lines import lines
 from .methods import METHODS, method_of
 from .rest import rest_of
 
@@ -56,10 +59,12 @@ def certify_attraction(plant: Any, inc: INC, claim: Attraction, method: str = "a
 def _skipped(way: LocalMethod, setting: Setting) -> EllipsoidCertificate | None:
     """A certificate that says why "auto" leaves a method out, or None."""
     plant, inc = setting.loop.plant, setting.loop.inc
-    if way.name != "dead zone" or plant.n + inc.q <= MOST_ROWS:
-        return None
-    why = f"n + q = {plant.n + inc.q} is more than {MOST_ROWS}, which takes minutes; ask for it by name"
-    return EllipsoidCertificate(plant, inc, setting.claim, way.name, {}, why)
+    why = ""
+    if way.name == "dead zone" and plant.n + inc.q > MOST_ROWS:
+        why = f"n + q = {plant.n + inc.q} is more than {MOST_ROWS}, which takes minutes; ask for it by name"
+    if way.name == "local sectors" and not inc.W.any() and np.all(lines(setting).bend != 0):
+        why = "all units are bent and none reads another, so the dead zone method says the same"
+    return EllipsoidCertificate(plant, inc, setting.claim, way.name, {}, why) if why else None
 
 
 def _with(way: LocalMethod, setting: Setting) -> EllipsoidCertificate:

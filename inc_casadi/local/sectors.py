@@ -68,10 +68,7 @@ class LocalSectors(LocalMethod):
         return "local sectors"
 
     def applies(self, setting: Setting) -> str | None:
-        """Return which limit leaves no room, or that bounds on the units would narrow no sector."""
-        bent = lines(setting).bend != 0
-        if np.all(bent) and not setting.loop.inc.W.any():
-            return "all units are bent and none reads another, so the dead zone method says the same"
+        """Return which limit leaves no room."""
         return no_room(setting)
 
     def unknowns(self, setting: Setting) -> tuple[Unknown, ...]:

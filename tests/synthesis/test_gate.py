@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
-from inc_casadi import INC, Box, Gaussian, Plant, Polytope, ReLU, Spec, Tanh, Uniform
+from inc_casadi import INC, Box, Ellipsoid, Gaussian, Plant, Polytope, ReLU, Spec, Tanh, Uniform
 from inc_casadi.certificate import MatrixCertificate
 from inc_casadi.claims import Regional
+from inc_casadi.ellipsoidal_region import EllipsoidalRegion
 from inc_casadi.regional_certificate import RegionalCertificate, certify_region
+from synthesis import synthesize
 from synthesis.gate import gate
 
 SCALAR = Plant([[1.5]], [[1.0]])
@@ -98,3 +100,13 @@ def test_a_bias_free_relu_controller_passes_by_pieces_though_it_rests_on_its_kin
     assert verdict.accepted and isinstance(verdict.certificate, RegionalCertificate)
     assert verdict.certificate.conewise is not None and verdict.certificate.prove()
     assert any("converges from every initial state" in words for words in verdict.proofs)
+
+
+def test_a_tanh_law_of_synthesize_on_an_unstable_plant_is_certified_by_an_ellipsoid():
+    plant = Plant([[1.10, 1.00], [0.0, 1.02]], [[0.20], [0.50]])
+    spec = Spec(np.eye(2), 0.05, 0.98, Ellipsoid(np.eye(2) / 0.16), Box(-1, 1))
+    result = synthesize(plant, spec, hidden=4, activation=Tanh(), starts=("random",), seconds=30, verbose=False)
+    assert result.status == "certified" and isinstance(result.certificate, EllipsoidalRegion)
+    assert any(isinstance(unit, Tanh) for unit in result.inc.activations) and result.proof
+    assert result.estimate.mean < result.cost < 1.2 * result.estimate.mean
+    assert result.chosen.verdict.accepted and not result.chosen.verdict.settled

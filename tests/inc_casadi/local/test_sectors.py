@@ -159,8 +159,8 @@ def test_another_order_of_units_or_other_coordinates_say_the_same():
 
 def test_what_stands_in_the_way_is_said():
     plain = INC.saturated([[-1.2]], 1.0)
-    assert "dead zone method says the same" in certify_attraction(Plant([[1.5]], [[1.0]]), plain, Attraction(),
-                                                                    "local sectors").reason
+    assert "dead zone method says the same" in certify_attraction(Plant([[1.5]], [[1.0]]), plain, Attraction()).note
+    assert certify_attraction(Plant([[1.5]], [[1.0]]), plain, Attraction(), "local sectors").volume > 3.99
     weak = INC([[0.0]], [[1.0]], [[-0.1]], [[0.0]], activation=Tanh())
     assert "linearization" in certify_attraction(Plant([[1.5]], [[1.0]]), weak, Attraction(), "local sectors").reason
     net = INC([[0.0]], [[1.0]], [[-1.0]], [[0.0]], activation=(Tanh(),))
