@@ -53,6 +53,9 @@ def speed_command(part: str | None, quick: bool, out: Path | None) -> int:
     if part == "training":
         runs = speed.quick_training() if quick else speed.training()
         return _said("speed training", speed.training_table(runs), runs, out)
+    if part == "single":
+        answers = speed.single_evaluation()
+        return _said("speed single", speed.single_table(answers), answers, out)
     costs = speed.alternation()
     return _said("speed alternation", speed.alternation_table(costs), costs, out)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from . import commands
 from .contest.command import page_command, suite_command
 
-PARTS = ("certify", "pieces", "training", "alternation")
+PARTS = ("certify", "pieces", "training", "alternation", "single")
 FOLDER = Path("benchmark-results")
 EPILOG = "Without a command, or with options alone, the suite is run."
 Command = Callable[[argparse.Namespace], int]
@@ -30,7 +30,7 @@ def parser() -> argparse.ArgumentParser:
     paper.add_argument("--figures", metavar="DIR", help="a folder to draw its pictures of separation into")
     bounds = kinds.add_parser("bounds", help="every plant between lower bounds and the best found (minutes)")
     bounds.add_argument("--plant", metavar="NAME", help="one plant of the suite alone")
-    speed = kinds.add_parser("speed", help="all measured times but four, or one of those four")
+    speed = kinds.add_parser("speed", help="all measured times but those of the parts, or one part")
     speed.add_argument("part", nargs="?", choices=PARTS, help="one measurement alone")
     speed.add_argument("--quick", action="store_true", help="of training: two sizes, a second for each run")
     main = kinds.add_parser("main", help="the time of the main job alone")

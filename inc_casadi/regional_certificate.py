@@ -170,7 +170,7 @@ class RegionalCertificate(Certificate):
                 f"discounted cost (discount {self.claim.discount:g}) is {mean}at most {at_most(self.worst_bound)} from any "
                 "point.")
 
-    def prove(self) -> Proof:
+    def prove(self, seconds: float | None = None) -> Proof:
         """Settle terminal set, limits, convergence and both cost bounds rigorously, by the cheapest means that suffices.
 
         The terminal set is checked in Fractions. Then the polytopes of the walk are followed with 256 binary places, every
@@ -178,14 +178,15 @@ class RegionalCertificate(Certificate):
         Nothing is tried when the walk in floats has failed already.
 
         What is proved of a Polytope as initial set speaks of the simplices that it lists, with their corners taken
-        exactly as stored.
+        exactly as stored. seconds: for all of it, without limit when left out; what is open then is not proved.
         """
         start = time.perf_counter()
         trouble, method = self.reason or self._exact_setting(), "exact fractions"
         if not trouble and self.walk is not None:
             assert self._exact[1] is not None
             stated = Stated(self.claim, self._exact[1], self._mean_bound, self.worst_bound, self._built_in)
-            trouble, method = settle_region(self._setting[0], stated, self.walk, self.budget)
+            trouble, method = settle_region(self._setting[0], stated, self.walk, self.budget,
+                                            np.inf if seconds is None else seconds)
         if self.conewise is not None:
             method += ", after matrix certificates of the conewise linear loop around the equilibrium"
         return Proof(not trouble, method, time.perf_counter() - start, trouble)

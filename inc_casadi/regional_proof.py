@@ -53,22 +53,29 @@ class Stated:
         return ""
 
 
-def settle_region(loop: PiecewiseLoop, stated: Stated, found: CellWalk, budget: Budget) -> tuple[str, str]:
+def settle_region(loop: PiecewiseLoop, stated: Stated, found: CellWalk, budget: Budget,
+                  seconds: float = float("inf")) -> tuple[str, str]:
     """Return what stands in the way of the claim after all means, or an empty string, and the means that decided.
 
     loop: with the plant and the law; found: the complete walk in floats. First its polytopes are worked out anew with 256
     places (`pieces.cell_proof`), up to 500 000 vertices and for as long as the budget says, at least a minute. Where that
     is not enough, or their errors grow too large, simplices are followed instead. Where an input touches a limit that is not
-    built in, up to 500 pieces are followed in Fractions.
+    built in, up to 500 pieces are followed in Fractions. seconds: for all of it; what it leaves open is not proved.
     """
-    patience = replace(budget, seconds=max(budget.seconds, SECONDS))
+    until = time.monotonic() + seconds
+
+    def patience() -> Budget:
+        return replace(budget, seconds=min(max(budget.seconds, SECONDS), max(0.0, until - time.monotonic())))
+
     places = replace(loop, arithmetic="fixed")
-    trouble = _by_polytopes(places, stated, found, patience.seconds)
+    trouble = _by_polytopes(places, stated, found, patience().seconds)
     if not trouble:
         return "", PLACES_OF_POLYTOPES
-    trouble = _by_simplices(places, stated, patience)
-    if trouble and len(found.arrived) <= EXACT_PIECES:
-        return _by_fractions(replace(loop, arithmetic="exact"), stated, patience), FRACTIONS
+    if time.monotonic() > until:
+        return trouble, PLACES_OF_POLYTOPES
+    trouble = _by_simplices(places, stated, patience())
+    if trouble and len(found.arrived) <= EXACT_PIECES and time.monotonic() <= until:
+        return _by_fractions(replace(loop, arithmetic="exact"), stated, patience()), FRACTIONS
     return trouble, PLACES_OF_SIMPLICES
 
 

@@ -410,3 +410,10 @@ def test_in_many_dimensions_the_largest_cost_bounds_the_expected_one():
         x, weight = plant.A @ x + plant.B @ u, 0.95 * weight
     assert np.max(total) <= certificate.bound <= np.max(total) * (1 + 1e-6)
     assert "in expectation" not in certificate.sentence
+
+
+def test_a_proof_that_runs_out_of_time_says_so_and_proves_nothing():
+    found = saturated()
+    assert found.prove(seconds=60.0)
+    late = found.prove(seconds=0.0)
+    assert not late and "time limit" in late.reason
