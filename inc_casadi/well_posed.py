@@ -69,7 +69,7 @@ class WellPosedness:
             return f"infinity norm {self.norm:.6g} < 1 (Perron-Frobenius radius {self.radius:.6g})"
         radius = f"Perron-Frobenius radius {self.radius:.6g}"
         if self.T is not None:
-            return f"{self.form} > 0 with smallest eigenvalue {2 * self.monotonicity:.6g} relative to T ({radius})"
+            return f"{self.form} > 0 with smallest eigenvalue at least {2 * self.monotonicity:.6g} relative to T ({radius})"
         if self.contracts:
             return f"{radius} < 1"
         return f"{radius} >= 1" + (f", and no diagonal T > 0 with {self.form} > 0 was found" if self.form else "")

@@ -149,8 +149,9 @@ def _with_memory(spec: Spec, controller: DynamicINC, stated: Box | Polytope | No
     l = controller.order
     if spec.inputs is None or stated is None:
         return extended_spec(replace(spec, inputs=None), controller)
-    memory = Box(stated.lower[-l:], stated.upper[-l:]) if isinstance(stated, Box) else Box(-stated.h[-l:], stated.h[-2 * l:-l])
-    return extended_spec(spec, controller, memory)
+    if isinstance(stated, Box):
+        return extended_spec(spec, controller, Box(stated.lower[-l:], stated.upper[-l:]))
+    return extended_spec(spec, controller, Box(-stated.h[-l:], stated.h[-2 * l:-l]))
 
 
 def _fits(evidence: Any, spec: Spec) -> bool:

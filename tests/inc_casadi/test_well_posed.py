@@ -25,9 +25,9 @@ def proved(inc, **changes):
 @pytest.mark.parametrize("W, activation, words", [
     ([[0.5]], ReLU(), "infinity norm 0.5 < 1"),
     ([[0.0, 5.0], [0.1, 0.0]], ReLU(), "Perron-Frobenius radius 0.707107 < 1"),
-    (SKEW, ReLU(), "2T - TW - W'T > 0 with smallest eigenvalue 1.98 relative to T (Perron-Frobenius radius 3)"),
-    ([[-8.0]], Logistic(), "2T - TSW - W'ST > 0 with smallest eigenvalue 5.94"),
-    ([[-3.0]], LeakyReLU(0.5), "He((I - LW)'T(I - SW)) > 0 with smallest eigenvalue 19.8"),
+    (SKEW, ReLU(), "2T - TW - W'T > 0 with smallest eigenvalue at least 1.98 relative to T (Perron-Frobenius radius 3)"),
+    ([[-8.0]], Logistic(), "2T - TSW - W'ST > 0 with smallest eigenvalue at least 5.94"),
+    ([[-3.0]], LeakyReLU(0.5), "He((I - LW)'T(I - SW)) > 0 with smallest eigenvalue at least 19.8"),
     ([[2.0]], ReLU(), "Perron-Frobenius radius 2 >= 1, and no diagonal T > 0 with 2T - TW - W'T > 0 was found"),
 ])
 def test_it_says_which_test_decided(W, activation, words):
