@@ -16,9 +16,9 @@ from numpy.typing import ArrayLike
 from ..arrays import Array
 from ..errors import DimensionError, InvalidInputError
 from ..sets import Ellipsoid
-from .outlines import as_plane, draw_union, hull, legend_below, require_plane
+from .outlines import as_plane, draw_union, hull, legend_beside, require_plane
 from .plane_panels import ellipse
-from .style import LIMIT, QUIET, WORST, colour, formula, new_figure, tint, written
+from .style import LIMIT, QUIET, WORST, canvas, colour, formula, tint, written
 
 CERTIFIED = colour(2)
 EDGE = "#404040"
@@ -26,19 +26,21 @@ STYLES = ("-", "--", "-.")  # ellipsoids of two methods often coincide
 LINES = (colour(0), colour(1), colour(3), colour(4), colour(6))
 
 
-def plot_attraction(basin: Any = None, ellipsoids: Mapping[str, Ellipsoid] | None = None,
+def plot_attraction(basin: Any = None, ellipsoids: Mapping[str, Any] | None = None,
                     simulated: tuple[ArrayLike, ArrayLike] | None = None, strip: tuple[ArrayLike, float] | None = None,
-                    path: str | Path | None = None) -> Figure:
+                    path: str | Path | None = None, *, ax: Any = None) -> Figure:
     """Return a Matplotlib figure of regions of attraction in the plane of two states, one over the other.
 
     basin: the region certified by exact pieces, what `region_of_attraction` returned, or anything with `polytopes()`,
-    `region`, `equilibrium` and `share`; ellipsoids: by the name that the legend gives each, which says whether it is
-    certified; simulated: sampled starting points (2, N), not all on a line, and which of them converge (N,): a pale ground
-    below the rest, with an edge half way between points that do and points that do not, seen where nothing else lies;
-    strip: (v, bound), where no controller within its limits brings back a point with |v'x| >= bound; path: where to write
-    the figure.
+    `region`, `equilibrium` and `share`; ellipsoids: an Ellipsoid, by the name that the legend gives it, which says whether
+    it is certified, or the certificate of an Attraction, which then has to hold; simulated: sampled starting points (2, N),
+    not all on a line, and which of them converge (N,), as `converging` gives them: a pale ground below the rest, with an
+    edge half way between points that do and points that do not, seen where nothing else lies; strip: (v, bound), where no
+    controller within its limits brings back a point with |v'x| >= bound; path: where to write the figure; ax: Matplotlib
+    axes to draw into, whose figure is returned.
 
-    Raises DimensionError, InvalidInputError when something is not of two states or nothing is given.
+    Raises DimensionError, InvalidInputError when something is not of two states, nothing is given, or a certificate does not
+    hold.
 
     >>> from inc_casadi import Ellipsoid
     >>> figure = plot_attraction(ellipsoids={"circle": Ellipsoid([[1.0, 0.0], [0.0, 1.0]])}, strip=([0.0, 1.0], 2.0))
@@ -48,20 +50,32 @@ def plot_attraction(basin: Any = None, ellipsoids: Mapping[str, Ellipsoid] | Non
     ellipsoids = dict(ellipsoids or {})
     if basin is None and not ellipsoids and simulated is None:
         raise InvalidInputError("there is nothing to draw: give a basin, ellipsoids or simulated points")
-    figure = new_figure(7.0, 6.6)
-    axes = figure.subplots()
+    shapes = {name: _shape(name, value) for name, value in ellipsoids.items()}
+    figure, axes = canvas(ax, 7.0, 6.6)
     handles = _draw_simulated(axes, *simulated) if simulated is not None else []
     if basin is not None:
         handles += _draw_basin(axes, basin)
-    for i, (name, ellipsoid) in enumerate(ellipsoids.items()):
+    for i, (name, ellipsoid) in enumerate(shapes.items()):
         handles.append(_draw_ellipsoid(axes, name, ellipsoid, LINES[i % len(LINES)], STYLES[i % len(STYLES)]))
     axes.margins(0.04)
     if strip is not None:
         handles.append(_draw_strip(axes, *strip))
     as_plane(axes)
-    legend_below(figure, handles, 2)
+    legend_beside(axes, handles, 2, ax is None)
     axes.set_title(_title(basin), fontsize="medium")
     return written(figure, path)
+
+
+def _shape(name: str, value: Any) -> Ellipsoid:
+    """The ellipsoid that is meant: itself, or that of a certificate which holds."""
+    if isinstance(value, Ellipsoid):
+        return value
+    if not hasattr(value, "ellipsoid"):
+        raise InvalidInputError(f"{name!r} is a {type(value).__name__}, but must be an Ellipsoid or its certificate")
+    if not value.holds():
+        raise InvalidInputError(f"the certificate {name!r} does not hold, so it has no region: {value.reason}")
+    shape: Ellipsoid = value.ellipsoid
+    return shape
 
 
 def _title(basin: Any) -> str:

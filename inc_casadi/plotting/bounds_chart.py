@@ -10,7 +10,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from .cost_panel import ABOUT, AT_LEAST, AT_MOST, FOUND, Row, rounded
-from .style import QUIET, colour, new_figure, say_in, tint, written
+from .style import QUIET, canvas, colour, say_in, tint, written
 
 LINES = ((colour(7), "-"), (colour(0), (0, (5, 2))), (colour(3), (0, (1, 1.2))), (colour(5), "-."))
 SHADES = {AT_MOST: colour(2), FOUND: colour(1), ABOUT: colour(4)}
@@ -18,17 +18,18 @@ BAR, LABEL = 0.62, 0.62  # height of a bar, and of the line that names a bound, 
 LOG_FROM = 30.0  # ratio of the figures from which on the axis is logarithmic
 
 
-def plot_bounds(rows: Sequence[Row], title: str = "", path: str | Path | None = None) -> Figure:
+def plot_bounds(rows: Sequence[Row], title: str = "", path: str | Path | None = None, *,
+                ax: Any = None) -> Figure:
     """Return a Matplotlib figure of costs as bars and lower bounds as lines; see `draw_bounds`.
 
-    rows: any order; title: above the chart; path: where to write it, the ending chooses the format.
+    rows: any order; title: above the chart; path: where to write it, the ending chooses the format; ax:
+    Matplotlib axes to draw into, whose figure is returned.
 
     >>> figure = plot_bounds([Row("linear controllers", 0.4166, AT_LEAST), Row("clipped law", 0.3612, AT_MOST)])
     >>> [text.get_text().replace("\\n", ", ") for text in figure.axes[0].get_yticklabels()]
     ['clipped law, at most 0.3612']
     """
-    figure = new_figure(7.2, 1.6 + 0.55 * len(rows))
-    axes = figure.subplots()
+    figure, axes = canvas(ax, 7.2, 1.6 + 0.55 * len(rows))
     draw_bounds(axes, rows)
     axes.set_title(title, fontsize="medium")
     return written(figure, path)

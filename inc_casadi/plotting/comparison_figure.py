@@ -14,7 +14,8 @@ from ..comparison.families import ANY, LINEAR, STATIC, Family
 from ..comparison.row import SIMULATED, UPPER, VIOLATED, Row
 from ..comparison.table import figure, how
 from ..figures import at_least
-from .style import QUIET, colour, new_figure, say_in, tint, written
+from .outlines import legend_beside
+from .style import QUIET, canvas, colour, say_in, tint, written
 
 COLOURS = {ANY: colour(0), LINEAR: colour(1), STATIC: colour(2)}
 HATCHES = {ANY: "", LINEAR: "//", STATIC: "xx"}
@@ -26,7 +27,7 @@ MARKS = {SURE: ("D", BLACK, BLACK, 1.0), UNSURE: ("D", "white", BLACK, 1.0), ABO
 WIDE, NARROW = 30.0, 0.05  # a wider factor takes a logarithmic axis; a smaller share is not magnified
 
 
-def plot_comparison(comparison: Any, path: str | Path | None = None) -> Figure:
+def plot_comparison(comparison: Any, path: str | Path | None = None, *, ax: Any = None) -> Figure:
     """Return a Matplotlib figure of a `Comparison`, written to `path` when given.
 
     One line per controller, those of the widest class first. Shaded is what the lower bounds exclude for the class of
@@ -34,11 +35,11 @@ def plot_comparison(comparison: Any, path: str | Path | None = None) -> Figure:
     controller that the class cannot match. A filled mark is a cost known up to rounding, a bar ending in a mark an upper
     bound, a hollow mark with two standard errors a simulation, a cross the cost of a controller that breaks the limits.
 
-    comparison: what `compare` returns. path: its ending chooses the format, such as .png, .pdf or .svg.
+    comparison: what `compare` returns. path: its ending chooses the format, such as .png, .pdf or .svg; ax: Matplotlib
+    axes to draw into, whose figure is returned.
     """
     rows = sorted(comparison.rows, key=lambda row: -row.family.rank)
-    drawing = new_figure(10.5, 1.9 + 0.55 * max(len(rows), 3))
-    axes = drawing.subplots()
+    drawing, axes = canvas(ax, 10.5, 1.9 + 0.55 * max(len(rows), 3))
     bounds = {family: found.value for family in COLOURS if (found := comparison.floor(family)) is not None}
     costs = [_end(row) for row in rows if np.isfinite(row.cost.value)]
     if not costs and not bounds:
@@ -56,7 +57,7 @@ def plot_comparison(comparison: Any, path: str | Path | None = None) -> Figure:
     axes.set_xlim(low, high)
     axes.set_xlabel("expected discounted cost" + ("" if low <= 0 or log else " (the axis does not begin at 0)"))
     axes.set_title("Costs, and (shaded) what no controller of that class can reach", fontsize="medium")
-    drawing.legend(handles=_legend(comparison, rows), loc="outside lower center", ncols=3, fontsize="small", frameon=False)
+    legend_beside(axes, _legend(comparison, rows), 3, ax is None)
     return written(drawing, path)
 
 

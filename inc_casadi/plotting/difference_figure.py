@@ -28,9 +28,9 @@ ROUNDING = 1e-9  # so that the largest difference itself lies within the outermo
 def plot_difference(difference: Difference, path: str | Path | None = None) -> Figure:
     """Return a Matplotlib figure of two laws' difference on a region of one or two states, for the output that differs most.
 
-    Two states: the first law less the second as colours, white where they agree to within 1/41 of the largest. One state:
-    both laws and their difference against it. Both are drawn on pieces where they are affine, so nothing is lost between
-    points; the star is the largest difference.
+    Two states: the first law less the second as colours, white where they agree to within 1/41 of the largest; lines at
+    quarters of it, dashed where negative. One state: both laws and their difference against it. Both are drawn on pieces
+    where they are affine, so nothing is lost between points; the star is the largest difference.
 
     difference: what `largest_difference` returned; path: where to write the figure.
 
@@ -84,6 +84,9 @@ def _draw_map(axes: Any, difference: Difference) -> None:
     edges = most * (1 + ROUNDING) * np.linspace(-1, 1, BANDS + 1)
     shown = axes.tricontourf(net, (first - second).ravel(), levels=edges, cmap="RdBu_r")
     shown.set_edgecolor("face")  # else viewers show hairlines between the bands
+    steps = most * np.array([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75])  # dashed where negative: the sign, without colours
+    axes.tricontour(net, (first - second).ravel(), levels=steps, colors="black", linewidths=0.7,
+                    linestyles=["--"] * 3 + ["-"] * 3)
     axes.figure.colorbar(shown, ax=axes, label=f"{_name(difference)}: first law less second", ticks=MaxNLocator(9))
     axes.plot(*difference.point[:, None], "*", color="white", mec=WORST, ms=14, clip_on=False, zorder=5)
     axes.use_sticky_edges = False

@@ -114,6 +114,15 @@ def legend_below(figure: Any, handles: list[Any], columns: int = 3) -> None:
         figure.legend(handles=handles, loc="outside lower center", fontsize="small", frameon=False, ncols=columns)
 
 
+def legend_beside(axes: Any, handles: list[Any], columns: int, own: bool) -> None:
+    """Put a legend below the axes: of the whole figure where it is our own, else of the caller's axes alone."""
+    if own:
+        legend_below(axes.figure, handles, columns)
+    elif handles:
+        axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), fontsize="small", frameon=False,
+                    ncols=columns)
+
+
 def require_plane(what: str, n: int) -> None:
     """Raise InvalidInputError unless n, the number of states of `what`, is 2."""
     if n != 2:

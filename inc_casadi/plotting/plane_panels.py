@@ -16,7 +16,7 @@ from ..pieces.laws import PiecewiseLoop
 from ..sets import Box, Ellipsoid, Gaussian, Polytope
 from .meshes import grid_in_triangle
 from .motions import Motions
-from .style import QUIET, WORST, colour, law_name, name_of, tint
+from .style import QUIET, WORST, colour, ground, law_name, name_of, tint
 
 MOST_LAWS = 7
 FINEST, MOST_TRIANGLES = 12, 40_000
@@ -98,8 +98,8 @@ def _draw_pieces(axes: Any, result: Any, walk: Any) -> list[Any]:
     law, names = _laws(result, start)
     line = 0.6 if len(start) <= 1500 else 0.0
     if len(names) <= MOST_LAWS:
-        face = [tint(colour(i)) for i in law]
-        handles = [Patch(facecolor=tint(colour(i)), edgecolor="white", label=name) for i, name in enumerate(names)]
+        face = [ground(i) for i in law]
+        handles = [Patch(facecolor=ground(i), edgecolor="white", label=name) for i, name in enumerate(names)]
         axes.add_collection(PolyCollection(list(start), facecolors=face, edgecolors="white", linewidths=line))
     else:
         handles = []

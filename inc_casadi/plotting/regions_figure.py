@@ -15,7 +15,7 @@ from ..arrays import Array
 from ..errors import InvalidInputError
 from ..pieces.regions import Regions
 from .outlines import as_plane, hull, legend_below
-from .style import QUIET, colour, law_name, name_of, new_figure, tint, written
+from .style import QUIET, colour, ground, law_name, name_of, new_figure, written
 
 MOST_LAWS = 8  # as many as the palette has colours
 MANY = 400  # regions from which on their outlines are thinner
@@ -84,8 +84,8 @@ def _coloured_figure(regions: Regions, G: Array, g: Array, of: np.ndarray) -> Fi
     figure = new_figure(6.4, 6.0)
     axes = figure.subplots()
     shown = outlines(regions)
-    _add(axes, shown, PolyCollection(shown, facecolors=[tint(colour(i), 0.4) for i in of], edgecolors="white"))
-    handles = [Patch(facecolor=tint(colour(i), 0.4), label=law_name(G[i], g[i])) for i in range(len(G))]
+    _add(axes, shown, PolyCollection(shown, facecolors=[ground(i) for i in of], edgecolors="white"))
+    handles = [Patch(facecolor=ground(i), label=law_name(G[i], g[i])) for i in range(len(G))]
     legend_below(figure, handles, 3 if len(g[0]) == 1 else 2)
     axes.set_title(_title(regions, len(G)), fontsize="medium")
     return figure

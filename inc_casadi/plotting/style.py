@@ -13,6 +13,9 @@ from matplotlib.figure import Figure
 # Okabe and Ito, Color Universal Design (2008), the darker ones first because lines on white need them.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999933", "#000000")
 WORST, QUIET, LIMIT = "#000000", "#7A7A7A", "#B22222"
+LIGHTNESS = (88.0, 72.0, 80.0, 94.0, 76.0, 91.0, 68.0, 84.0)  # L* of the grounds
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")  # with a colour and a dash each line has three signs of its own
+DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), "-.", (0, (1, 1.2)), (0, (7, 2, 1, 2, 1, 2)))
 Colour = tuple[float, float, float]
 
 
@@ -40,6 +43,47 @@ def new_figure(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def lightness(colour: Any) -> float:
+    """Return the lightness L* of a colour in 0 to 100 (CIE 1976), which is what remains of it in greyscale.
+
+    >>> round(lightness("#ffffff"), 3), lightness("#000000")
+    (100.0, 0.0)
+    """
+    parts = np.array(to_rgb(colour))
+    linear = np.where(parts <= 0.04045, parts / 12.92, ((parts + 0.055) / 1.055) ** 2.4)
+    Y = float(linear @ [0.2126, 0.7152, 0.0722])
+    return 116 * Y ** (1 / 3) - 16 if Y > 216 / 24389 else Y * 24389 / 27
+
+
+def ground(index: int, depth: float = 1.0) -> Colour:
+    """Return the palette's colour mixed with white to a lightness of its own, so that grounds differ in greyscale too.
+
+    depth: in (0, 1]: 1 for grounds that lie alone, less where much is drawn on them.
+
+    >>> [round(lightness(ground(i))) for i in range(4)]
+    [88, 72, 80, 94]
+    """
+    wanted = 100 - depth * (100 - LIGHTNESS[index % len(LIGHTNESS)])
+    low, high = 0.0, 1.0
+    for _ in range(30):  # lightness falls with the share of the colour
+        middle = (low + high) / 2
+        low, high = (middle, high) if lightness(tint(colour(index), middle)) > wanted else (low, middle)
+    return tint(colour(index), high)
+
+
+def canvas(ax: Any, width: float, height: float) -> tuple[Figure, Any]:
+    """Return a figure and axes to draw into: those of the caller, or new ones of that size in inches.
+
+    >>> figure, axes = canvas(None, 4.0, 3.0)
+    >>> canvas(axes, 9.0, 9.0)[0] is figure
+    True
+    """
+    if ax is not None:
+        return ax.get_figure(root=True), ax
+    figure = new_figure(width, height)
+    return figure, figure.subplots()
 
 
 def written(figure: Figure, path: str | Path | None) -> Figure:

@@ -9,9 +9,10 @@ from matplotlib.lines import Line2D
 
 from ..arrays import Array
 from ..simulate import Trajectory
-from .style import LIMIT, WORST, colour, name_of
+from .style import LIMIT, WORST, colour, name_of, tint
 
 MOST_NAMED = 8
+BAND = 0.08  # of the distance of the limits: what is seen beyond them at least
 FLOOR = 1e-6  # of the largest norm: what lies below is nothing to look at
 
 
@@ -80,9 +81,12 @@ def _draw(axes: Any, run: Trajectory, values: Array, symbol: str, worst: int | N
 
 
 def _draw_limits(axes: Any, limits: Any) -> None:
-    """Dashed lines at the least and largest value of each input, with its figure; equal ones are drawn once."""
+    """Dashed lines at the least and largest value of each input, with its figure; equal ones are drawn once.
+
+    Where all inputs share their limits what lies beyond is hatched.
+    """
     m = limits.dimension
-    high, low = np.asarray(limits.support(np.eye(m))), -np.asarray(limits.support(-np.eye(m)))
+    low, high = ends_of(limits)
     lines: dict[float, list[int]] = {}
     for i in range(m):
         for value in (float(low[i]), float(high[i])):
@@ -90,8 +94,37 @@ def _draw_limits(axes: Any, limits: Any) -> None:
     for value, inputs in lines.items():
         whose = "" if len(inputs) == m else ", ".join(name_of("u", i, m) for i in inputs) + " "
         shade = colour(inputs[0]) if m > 1 and len(inputs) < m else LIMIT
-        axes.axhline(value, color=shade, ls="--", lw=1.2, zorder=1.9)
-        axes.annotate(f"{whose}limit ${value:.4g}$", (1.0, value), xycoords=("axes fraction", "data"), xytext=(-4, 3),
-                      textcoords="offset points", ha="right", va="bottom", fontsize="small", color=shade,
-                      bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.8}, zorder=4)
+        limit_line(axes, value, f"{whose}limit ${value:.4g}$", shade)
     axes.margins(y=0.12)
+    if len(lines) == 2:
+        hatch_beyond(axes, min(lines), max(lines))
+
+
+def ends_of(limits: Any) -> tuple[Array, Array]:
+    """Return the least and the largest value (m,) of each input within a Box or Polytope.
+
+    >>> from inc_casadi import Box
+    >>> [end.tolist() for end in ends_of(Box([-1.0, -2.0], [3.0, 4.0]))]
+    [[-1.0, -2.0], [3.0, 4.0]]
+    """
+    eye = np.eye(limits.dimension)
+    return -np.asarray(limits.support(-eye)), np.asarray(limits.support(eye))
+
+
+def limit_line(axes: Any, value: float, words: str, shade: str = LIMIT) -> None:
+    """Draw a dashed line across at a limit, and what it is at its right end."""
+    axes.axhline(value, color=shade, ls="--", lw=1.2, zorder=1.9)
+    axes.annotate(words, (1.0, value), xycoords=("axes fraction", "data"), xytext=(-4, 3), textcoords="offset points",
+                  ha="right", va="bottom", fontsize="small", color=shade, zorder=4,
+                  bbox={"facecolor": "white", "alpha": 0.85, "edgecolor": "none", "pad": 0.8})
+
+
+def hatch_beyond(axes: Any, low: float, high: float) -> None:
+    """Hatch what lies below `low` and above `high` up to the edges of the axes, which keep their limits."""
+    bottom, top = axes.get_ylim()
+    room = BAND * (high - low)
+    bottom, top = min(bottom, low - room), max(top, high + room)
+    for inner, outer in ((low, bottom), (high, top)):
+        axes.axhspan(min(inner, outer), max(inner, outer), facecolor=tint(LIMIT, 0.06), edgecolor=tint(LIMIT, 0.35),
+                     hatch="////", lw=0.0, zorder=0.6)
+    axes.set_ylim(bottom, top)

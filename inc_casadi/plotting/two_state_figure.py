@@ -21,7 +21,7 @@ from .bounds_chart import draw_bounds
 from .cost_panel import Row
 from .outlines import as_plane, require_plane
 from .style import LIMIT, QUIET, colour, new_figure, written
-from .time_panels import time_label
+from .time_panels import ends_of, hatch_beyond, time_label
 
 STYLES = ((colour(2), "o", "-"), (colour(1), "s", "--"), (colour(0), "D", ":"), (colour(3), "^", "-."))
 MOST_LAWS = len(STYLES)
@@ -104,6 +104,8 @@ def _finish_inputs(axes: Any, spec: Spec, time: str) -> None:
     axes.set_ylabel("input " + ("$u$" if spec.m == 1 else "$u_i$"))
     axes.grid(True, color="0.92")
     axes.margins(y=0.12)
+    if spec.inputs is not None and spec.m == 1:
+        hatch_beyond(axes, *(float(end[0]) for end in ends_of(spec.inputs)))
     axes.set_title("Its inputs; red: the limits", fontsize="medium")
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -162,6 +163,18 @@ def test_ellipsoids_are_drawn_on_their_level_under_the_name_given():
         e = np.stack(line.get_data()) - shape.center[:, None]
         assert np.sum(e * (shape.P @ e), axis=0) == pytest.approx(shape.level)
     assert len({line.get_linestyle() for line in figure.axes[0].lines}) == 2
+
+
+def test_a_certificate_stands_for_its_ellipsoid_only_while_it_holds():
+    shape = Ellipsoid(np.diag([4.0, 9.0]))
+    holds = SimpleNamespace(ellipsoid=shape, holds=lambda: True)
+    [line] = plot_attraction(ellipsoids={"certified": holds}).axes[0].lines
+    assert np.sum([[4.0], [9.0]] * np.stack(line.get_data()) ** 2, axis=0) == pytest.approx(1.0)
+    fails = SimpleNamespace(ellipsoid=shape, holds=lambda: False, reason="a margin is negative")
+    with pytest.raises(InvalidInputError, match="'certified' does not hold, so it has no region: a margin is negative"):
+        plot_attraction(ellipsoids={"certified": fails})
+    with pytest.raises(InvalidInputError, match="'box' is a Box"):
+        plot_attraction(ellipsoids={"box": BOX})
 
 
 def test_the_simulated_ground_covers_the_points_that_converge():

@@ -163,7 +163,7 @@ def test_the_star_stands_at_the_largest_difference(compared: Any):
 
 def test_the_bands_cover_every_point_and_lie_where_their_values_are(compared: Any):
     figure = plot_difference(compared)
-    [bands] = [part for part in figure.axes[0].collections if part.get_array() is not None]
+    [bands] = [part for part in figure.axes[0].collections if getattr(part, "filled", False)]
     points = Box([-1.5] * 2, [1.5] * 2).sample(300, np.random.default_rng(3)).T
     gap = CLIPPED(points.T)[0] - np.array([compared.second.solve(x)[0, 0] for x in points])
     held = np.array([path.contains_points(points) for path in bands.get_paths()])
@@ -171,6 +171,15 @@ def test_the_bands_cover_every_point_and_lie_where_their_values_are(compared: An
     width = np.diff(bands.levels)[0]
     for band, low in enumerate(bands.levels[:-1]):
         assert np.all(gap[held[band]] >= low - 0.01 * width) and np.all(gap[held[band]] <= low + 1.01 * width)
+
+
+def test_lines_lie_on_their_level_and_are_dashed_where_it_is_negative(compared: Any):
+    [lines] = [part for part in plot_difference(compared).axes[0].collections if getattr(part, "filled", True) is False]
+    assert lines.levels == pytest.approx(compared.value * np.array([-0.75, -0.5, -0.25, 0.25, 0.5, 0.75]))
+    for level, path, (_, dashes) in zip(lines.levels, lines.get_paths(), lines.get_linestyle(), strict=True):
+        assert (dashes is not None) == (level < 0)
+        for x in path.vertices[::40]:
+            assert CLIPPED(x[:, None])[0, 0] - compared.second.solve(x)[0, 0] == pytest.approx(level, abs=1e-4)
 
 
 def test_the_difference_of_one_state_is_drawn_as_lines():

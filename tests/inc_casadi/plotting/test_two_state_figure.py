@@ -55,6 +55,8 @@ def test_the_motion_is_that_of_the_loop(figure: Figure, name: str, law: Any):
 def test_inputs_are_held_and_the_limits_are_drawn(figure: Figure):
     axes = figure.axes[1]
     assert {float(line.get_ydata()[0]) for line in axes.lines if line.get_color() == LIMIT} == {-1.0, 1.5}
+    bands = sorted((part.get_y(), part.get_y() + part.get_height()) for part in axes.patches if part.get_hatch())
+    assert (bands[0][1], bands[1][0]) == (-1.0, 1.5)
     [first, second] = [line for line in axes.lines if line.get_drawstyle() == "steps-post"]
     motion = followed(clipped, np.array([[0.8], [0.5]]), 9)
     assert first.get_ydata() == pytest.approx(clipped(motion[:, 0])[0])
