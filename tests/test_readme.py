@@ -11,7 +11,7 @@ BLOCKS = re.findall(r"```python\n(.*?)```", TEXT, flags=re.DOTALL)
 
 def test_the_readme_code_runs_and_gives_the_figures_it_states(tmp_path, monkeypatch, capsys):
     text, blocks = TEXT, BLOCKS
-    assert len(blocks) == 5 and len(blocks[0].strip().splitlines()) <= 14
+    assert len(blocks) == 6 and len(blocks[0].strip().splitlines()) <= 14
     monkeypatch.chdir(tmp_path)
     names: dict = {}
     exec(compile(blocks[0], "README.md", "exec"), names)
@@ -74,3 +74,14 @@ def test_the_fifth_block_certifies_an_observer_with_a_neural_readout(capsys):
     printed = capsys.readouterr().out
     assert "at most 1.515142 in expectation" in printed and "at least 2.099943" in printed and "succeeded=True" in printed
     assert "at most 1.515142, where every linear controller, of any order, costs at least 2.099943" in text
+
+
+def test_the_sixth_block_certifies_a_network_and_writes_it_as_c(tmp_path, monkeypatch):
+    text, block = TEXT, BLOCKS[5]
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec(compile(block, "README.md", "exec"), names)
+    found, source = names["found"], names["source"]
+    assert found.prove() and found.bound == pytest.approx(0.8954694, rel=1e-6) and "0.8954694" in text
+    assert source.operations == 45 and "takes 45 operations" in text
+    assert source.absolute < 1.67e-15 and source.relative < 1.86e-14 and (tmp_path / "generated" / "law.c").exists()
