@@ -24,7 +24,8 @@ class ConeProgram:
     """Minimize cost'y subject to slack(y) = constants + image(y) in the cone; all in scaled numbers.
 
     parts: one `Coefficients` per block; rows: (r, v); bounded, sign: (b,) the bounds sign_i y[bounded_i] + const >= 0;
-    constants: a point of the cone's space, (N_k, N_k) each and (r + b,); unknowns: (v,), the original y is unknowns * y.
+    constants: a point of the cone's space, (N_k, N_k) each and (r + b,); unknowns: (v,), the original y is unknowns * y;
+    multipliers: (k,), the original X of block k is multipliers_k * X.
     """
 
     cost: Array
@@ -34,6 +35,7 @@ class ConeProgram:
     sign: Array
     constants: Point
     unknowns: Array
+    multipliers: Array
 
     @property
     def degree(self) -> int:
@@ -95,11 +97,12 @@ def normalized(problem: Problem) -> ConeProgram:
     unit = unit or float(np.min(np.abs(bounds[bounds != 0.0]), initial=np.inf))
     unit = unit if np.isfinite(unit) else 1.0
     cost = problem.cost * unknowns
+    price = _largest(cost) or 1.0
     return ConeProgram(
-        cost / (_largest(cost) or 1.0), tuple(A.scaled(unknowns, s) for A, s in zip(parts, blocks, strict=True)),
+        cost / price, tuple(A.scaled(unknowns, s) for A, s in zip(parts, blocks, strict=True)),
         rows[:, None] * problem.rows * unknowns, bounded, sign,
         (*(constant / unit for constant in constants), np.concatenate([rows * problem.offset, bounds]) / unit),
-        unknowns * unit)
+        unknowns * unit, price * blocks)
 
 
 def _largest(values: Array) -> float:

@@ -20,6 +20,7 @@ from .affine_bound import AffineMovesBound, seen_by_moves
 from .affine_cuts import first_cuts, violated
 from .affine_problem import AffineProgram, best_moves, extended, moment_root
 from .bound import Bound
+from .clock import Clock
 from .exact_anchors import nearly_flat
 from .lagrangian import NEARLY_FLAT, Lagrangian
 from .measured import measured_rows
@@ -28,11 +29,12 @@ from .value_iteration import discrete, unlimited
 
 _ROUNDS, _HALVED = 12, 3  # of adding violated constraints; of halving between a horizon and one too long to solve
 _MOST_ROUNDING = 1e-6  # allowance for rounding, relative to the bound, beyond which other moves are tried as well
+_LONGER = 2.0  # times that twice the moves take, at least
 _TOLD_APART = 0.1  # weight of the anchors beside the distribution in what makes functions orthonormal
 
 
 def affine_moves(plant: Any, spec: Spec, moves: int | None = None, *, relaxed: bool = False, time_varying: bool = False,
-                 tolerance: float = 1e-7, most: int = 128) -> Bound:
+                 tolerance: float = 1e-7, most: int = 128, seconds: float | None = None) -> Bound:
     """Return a lower bound on the expected cost of every admissible linear controller of any finite order.
 
     With xi_{k+1} = A_c xi_k + B_c y_k, u_k = C_c xi_k + D_c y_k and a fixed xi_0, every move is affine in x_0:
@@ -63,6 +65,7 @@ def affine_moves(plant: Any, spec: Spec, moves: int | None = None, *, relaxed: b
         affine in y_0..y_k, whose linear parts have rows in the span of C, ..., CA^k): a larger class, a bound no larger
     tolerance : of the rise, relative to the bound; for moves = None
     most : the largest N tried; for moves = None
+    seconds : after which no other horizon is begun, and a solve is ended as it is: a bound all the same, `cut_short`
 
     Returns
     -------
@@ -74,7 +77,7 @@ def affine_moves(plant: Any, spec: Spec, moves: int | None = None, *, relaxed: b
     Raises
     ------
     InvalidInputError : a Gaussian initial state with input limits, or states within rounding of a hyperplane but not on
-        it; a continuous plant, moves or most < 1, tolerance < 0
+        it; a continuous plant, moves or most < 1, tolerance or seconds < 0
     DimensionError : spec does not fit the plant
     SolverError : Clarabel is missing or fails to return numbers
 
@@ -99,7 +102,7 @@ def affine_moves(plant: Any, spec: Spec, moves: int | None = None, *, relaxed: b
     >>> [round(float(affine_moves(output, spec, 20, time_varying=varying)), 3) for varying in (False, True)]
     [5.917, 4.706]
     """
-    begun = perf_counter()
+    begun, clock = perf_counter(), Clock.of(seconds)
     plant = discrete(as_plant(plant))
     spec.check(plant)
     N = None if moves is None else whole("moves", moves, 1)
@@ -108,19 +111,24 @@ def affine_moves(plant: Any, spec: Spec, moves: int | None = None, *, relaxed: b
         return unlimited(plant, spec, None if N is None else N + 1)
     if spec.initial.support is None:
         _refuse_unbounded(spec.initial)
-    solve = partial(_fixed, plant, spec, relaxed=relaxed, tied=not time_varying)
-    best = _rising(solve, plant.n, tolerance, most) if N is None else solve(N)
+    solve = partial(_fixed, plant, spec, relaxed=relaxed, tied=not time_varying, clock=clock)
+    best = _rising(solve, plant.n, tolerance, most, clock) if N is None else solve(N)
     free = unlimited(plant, spec, None if N is None else N + 1)
     if not (best.value > free.value - 1e-6 * abs(free.value) and best.holds()):
-        return free  # the solver failed, or rounding took too much: what holds without limits holds with them
+        # The solver failed or had no time, or rounding took too much: what holds without limits holds with them.
+        return replace(free, cut_short=best.cut_short)
     return replace(best, seconds=perf_counter() - begun)
 
 
-def _rising(solve: Callable[[int], AffineMovesBound], n: int, tolerance: float, most: int) -> AffineMovesBound:
+def _rising(solve: Callable[[int], AffineMovesBound], n: int, tolerance: float, most: int,
+            clock: Clock) -> AffineMovesBound:
     # Doubled horizons. The exact minima never fall, so one that does is beyond what the solver can do, and horizons
-    # between it and the one before are tried.
-    found = [solve(1)]
+    # between it and the one before are tried. None is begun that surely takes longer than what is left.
+    found, cut_short = [solve(1)], False
     while len(found[-1].moves) < most:
+        cut_short = found[-1].cut_short or clock.left < _LONGER * found[-1].seconds or clock.is_over
+        if cut_short:
+            break
         N = min(2 * len(found[-1].moves), most)
         try:
             found.append(solve(N))
@@ -128,19 +136,19 @@ def _rising(solve: Callable[[int], AffineMovesBound], n: int, tolerance: float, 
             break
         if not found[-1].value - found[-2].value > tolerance * abs(found[-1].value) and N > n:
             if found[-1].value < found[-2].value * (1 - tolerance):
-                found += _between(solve, found[-2], found[-1])
+                found += _between(solve, found[-2], found[-1], clock)
             break
     found.sort(key=lambda bound: len(bound.moves))
     best = max(found, key=lambda bound: bound.value)
-    return replace(best, horizons=tuple((len(bound.moves), bound.value) for bound in found))
+    return replace(best, horizons=tuple((len(bound.moves), bound.value) for bound in found), cut_short=cut_short)
 
 
 def _between(solve: Callable[[int], AffineMovesBound], best: AffineMovesBound,
-             beyond: AffineMovesBound) -> list[AffineMovesBound]:
+             beyond: AffineMovesBound, clock: Clock) -> list[AffineMovesBound]:
     found, low, high = [], len(best.moves), len(beyond.moves)
     for _ in range(_HALVED):
         N = (low + high) // 2
-        if N == low:
+        if N == low or clock.is_over:
             break
         found.append(solve(N))
         if found[-1].value > best.value:
@@ -150,15 +158,15 @@ def _between(solve: Callable[[int], AffineMovesBound], best: AffineMovesBound,
     return found
 
 
-def _fixed(plant: Plant, spec: Spec, N: int, relaxed: bool, tied: bool) -> AffineMovesBound:
+def _fixed(plant: Plant, spec: Spec, N: int, relaxed: bool, tied: bool, clock: Clock) -> AffineMovesBound:
     # The bound of N moves, untied when the initial states are so thin that rounding takes a tied one too much.
-    found = _solved(plant, spec, N, relaxed, tied)
-    if found.ties is None or found.dual()[1] < _MOST_ROUNDING * abs(found.value):
+    found = _solved(plant, spec, N, relaxed, tied, clock)
+    if found.ties is None or found.cut_short or found.dual()[1] < _MOST_ROUNDING * abs(found.value):
         return found
-    return max(found, _solved(plant, spec, N, relaxed, False), key=lambda bound: bound.value)
+    return max(found, _solved(plant, spec, N, relaxed, False, clock), key=lambda bound: bound.value)
 
 
-def _solved(plant: Plant, spec: Spec, N: int, relaxed: bool, tied: bool) -> AffineMovesBound:
+def _solved(plant: Plant, spec: Spec, N: int, relaxed: bool, tied: bool, clock: Clock) -> AffineMovesBound:
     begun = perf_counter()
     judged = seen_by_moves(plant, relaxed)
     anchors, cuts = first_cuts(spec, N)
@@ -166,18 +174,18 @@ def _solved(plant: Plant, spec: Spec, N: int, relaxed: bool, tied: bool) -> Affi
     if nearly_flat(judged, anchors, N):
         raise InvalidInputError(NEARLY_FLAT)
     program = _program(judged, spec, anchors, N, tied)
-    U, multipliers, ties = best_moves(program, cuts)
+    U, multipliers, ties = best_moves(program, cuts, clock.left)
     for _ in range(_ROUNDS):
         more = violated(spec, U)
-        if not more.move.size:
+        if not more.move.size or clock.is_over:
             break
         cuts = cuts.joined(more)
-        U, multipliers, ties = best_moves(program, cuts)
+        U, multipliers, ties = best_moves(program, cuts, clock.left)
     numbers = U, cuts, multipliers, anchors
     value, allowance = Lagrangian(judged, spec, *numbers, ties if tied else None).lower()
     seconds = perf_counter() - begun
     return AffineMovesBound(plant, spec, value - allowance, seconds, *numbers, relaxed, ties if tied else None,
-                            ((N, value - allowance),))
+                            ((N, value - allowance),), cut_short=clock.is_over)
 
 
 def _program(judged: Plant, spec: Spec, anchors: Array, N: int, tied: bool) -> AffineProgram:

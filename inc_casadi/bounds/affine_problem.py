@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -84,8 +85,9 @@ def measurement(rows: Rows) -> Array:
     return np.block([[rows.basis, np.zeros((r, 1))], [np.zeros((1, n)), np.ones((1, 1))]])
 
 
-def best_moves(program: AffineProgram, cuts: Cuts) -> tuple[Array, Array, Array]:
-    """Return U (N, m, n + 1), multipliers (c,) >= 0 of the cuts and (N, m, q) of the ties, as good as Clarabel finds them.
+def best_moves(program: AffineProgram, cuts: Cuts, seconds: float = inf) -> tuple[Array, Array, Array]:
+    """Return U (N, m, n + 1), multipliers (c,) >= 0 of the cuts and (N, m, q) of the ties, as good as Clarabel finds them
+    in so many seconds.
 
     The unknowns are X_k L for k = 1..N and the coefficients G_k of the moves on functions of x_0 that are orthonormal
     under its distribution, or on `spread`; inputs are scaled by their limits, the cost by the part that no move changes,
@@ -96,7 +98,7 @@ def best_moves(program: AffineProgram, cuts: Cuts) -> tuple[Array, Array, Array]
     SolverError : Clarabel is missing or returns no numbers
     """
     features, damping = [_features(program, rows) for rows in program.rows], _damping(program)
-    z, motions_and_ties, of_cuts = _solved(program, cuts, features)
+    z, motions_and_ties, of_cuts = _solved(program, cuts, features, seconds)
     multipliers = np.empty(cuts.move.size)
     multipliers[np.argsort(cuts.move, kind="stable")] = of_cuts  # the rows are grouped by move
     of_ties = motions_and_ties[len(features) * program.plant.n * program.root.shape[1]:]
@@ -105,7 +107,8 @@ def best_moves(program: AffineProgram, cuts: Cuts) -> tuple[Array, Array, Array]
     return _moves(program, features, z), np.maximum(multipliers * damping[cuts.move], 0.0), ties
 
 
-def _solved(program: AffineProgram, cuts: Cuts, features: list[tuple[Array, Array]]) -> tuple[Array, Array, Array]:
+def _solved(program: AffineProgram, cuts: Cuts, features: list[tuple[Array, Array]],
+            seconds: float) -> tuple[Array, Array, Array]:
     # The unknowns and the dual numbers of equalities and of inequalities, in the units of the cost.
     try:
         import clarabel
@@ -116,6 +119,7 @@ def _solved(program: AffineProgram, cuts: Cuts, features: list[tuple[Array, Arra
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
+    settings.time_limit = seconds
     cones = [clarabel.ZeroConeT(equalities), clarabel.NonnegativeConeT(len(g) - equalities)]
     found = clarabel.DefaultSolver(sparse.triu(hessian).tocsc(), np.zeros(G.shape[1]), G, g, cones, settings).solve()
     z, dual = np.array(found.x), _scale(program) * np.array(found.z)

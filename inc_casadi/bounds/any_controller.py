@@ -18,6 +18,7 @@ from ..spec import Spec
 from .bound import Bound
 from .cell_bounds import Trials, cell_bounds
 from .cells import Cells
+from .clock import Clock
 from .exact_cells import exact_bounds
 from .exact_moments import is_semidefinite
 from .exact_steps import unproved_steps
@@ -107,7 +108,7 @@ class AnyControllerBound(Bound):
 
 
 def any_controller(plant: Any, spec: Spec, cells: int | None = None, horizon: int | None = None,
-                   tol: float = 1e-6) -> Bound:
+                   tol: float = 1e-6, seconds: float | None = None) -> Bound:
     """Return a lower bound on the expected cost of every admissible controller: nonlinear, dynamic, with full state.
 
     No controller does better from x_0 than the best input sequence chosen for that x_0,
@@ -135,10 +136,12 @@ def any_controller(plant: Any, spec: Spec, cells: int | None = None, horizon: in
     horizon : T, or None: 10, doubled up to 80 for the cells whose states have not yet come to where the limits are
         never met again
     tol : relative gain, as estimated, at which to stop halving
+    seconds : after which nothing is halved any more: a bound all the same, `cut_short`
 
     Raises
     ------
-    DimensionError, InvalidInputError : spec does not fit the plant, a continuous plant, cells or horizon < 1, tol < 0
+    DimensionError, InvalidInputError : spec does not fit the plant, a continuous plant, cells or horizon < 1, a negative tol
+        or number of seconds
 
     Notes
     -----
@@ -154,7 +157,7 @@ def any_controller(plant: Any, spec: Spec, cells: int | None = None, horizon: in
     >>> round(float(bound), 5), bound.holds()  # 1/3 + 1/36 is attained by u = -sat(1.5 x)
     (0.36111, True)
     """
-    begun = perf_counter()
+    begun, clock = perf_counter(), Clock.of(seconds)
     plant = discrete(as_plant(plant))
     spec.check(plant)
     budget = None if cells is None else whole("cells", cells, 1)
@@ -164,10 +167,11 @@ def any_controller(plant: Any, spec: Spec, cells: int | None = None, horizon: in
         return unlimited(plant, spec)
     steps = settled_steps(plant, spec) + last
     P, K = value_iteration(plant, spec, steps)
-    search = Search(plant, spec, P, K, min(FIRST_HORIZON, last) if horizon is None else last, last)
+    search = Search(plant, spec, P, K, min(FIRST_HORIZON, last) if horizon is None else last, last, clock)
     found = refined(search, *_start(spec, budget, P[steps]), tol)
     value, allowance = expected(spec, P[steps], found.cells, found.values)
-    return AnyControllerBound(plant, spec, value - allowance, perf_counter() - begun, steps, found.cells, found.trials)
+    return AnyControllerBound(plant, spec, value - allowance, perf_counter() - begun, steps, found.cells, found.trials,
+                              cut_short=clock.is_over)
 
 
 def _start(spec: Spec, budget: int | None, Pi: Array) -> tuple[Cells, int]:

@@ -25,6 +25,7 @@ class Bound(ABC):
     plant, spec : what the bound is about
     value : the bound, in the units of the cost
     seconds : wall time of finding it
+    cut_short : whether a time limit ended the search, so that a longer one may prove more
 
     Notes
     -----
@@ -36,6 +37,7 @@ class Bound(ABC):
     spec: Spec = field(repr=False)
     value: float
     seconds: float
+    cut_short: bool = field(default=False, kw_only=True)
 
     def __float__(self) -> float:
         return self.value

@@ -9,7 +9,7 @@ from .affine_moves import affine_moves
 from .bound import Bound
 
 
-def first_move(plant: Any, spec: Spec, *, relaxed: bool = False) -> Bound:
+def first_move(plant: Any, spec: Spec, *, relaxed: bool = False, seconds: float | None = None) -> Bound:
     """Return the bound L_lin on the expected cost of every admissible linear controller, from its first move.
 
     L_lin = E[x_0'Q x_0] + min E[u_0'R u_0 + beta (A x_0 + B u_0)'Q (A x_0 + B u_0)] over u_0 = D_y C x_0 + d with
@@ -21,6 +21,7 @@ def first_move(plant: Any, spec: Spec, *, relaxed: bool = False) -> Bound:
     plant : Plant or control.StateSpace, discrete time
     spec : Spec; initial on a bounded set: any polytope or ellipsoid, any distribution of which the moments are known
     relaxed : write u_0 = D x_0 + d with any D: a bound no larger, in favour of the linear controllers
+    seconds : as in `affine_moves`
 
     Raises
     ------
@@ -38,4 +39,4 @@ def first_move(plant: Any, spec: Spec, *, relaxed: bool = False) -> Bound:
     >>> round(float(bound), 6)  # 1/3 + 1/12 (thm:longrun_dyn)
     0.416667
     """
-    return affine_moves(plant, spec, 1, relaxed=relaxed)
+    return affine_moves(plant, spec, 1, relaxed=relaxed, seconds=seconds)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -11,17 +12,20 @@ from ..plant import Plant
 from ..spec import Spec
 from .cell_bounds import Trials
 from .cells import Cells
+from .clock import Clock
 from .moves import rollout
 from .proposals import Proposal, propose
 
 FIRST_HORIZON = 10
-_NUMBERS = 2**22  # in one array of a batch
+_NUMBERS, _SMALL = 2**22, 2**18  # in one array of a batch: the latter where a batch must not take long
+_SPENT = 0.7  # of the time left, what a round may take judging from the rounds before
 _LEAST = 0.02  # of the largest gain: cells that promise less wait for the next round
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What is bounded: the plant, P_0, P_1, ... of value iteration, its last gain K, and the longest and first horizon."""
+    """What is bounded: the plant, P_0, P_1, ... of value iteration, its last gain K, the longest and first horizon, and when
+    to stop."""
 
     plant: Plant
     spec: Spec
@@ -29,23 +33,27 @@ class Search:
     K: Array
     first: int
     last: int
+    clock: Clock = Clock()
 
     def bounded(self, cells: Cells, which: np.ndarray) -> list[Proposal]:
         """Return trial inputs for the cells numbered `which`, some for several horizons.
 
-        The horizon is doubled for the cells whose states have not yet come to where the limits are never met again.
+        The horizon is doubled for the cells whose states have not yet come to where the limits are never met again. When
+        the time is over the rest of them are left out, but for the first batch.
         """
-        T, found, pending = self.first, [], which
+        T, found, pending = self.first, list[Proposal](), which
+        numbers = _SMALL if self.clock.is_set else _NUMBERS
         while pending.size:
-            batch = max(1, _NUMBERS // (T * self.plant.n * (1 + cells.every.spans.shape[1])))
-            parts = np.array_split(pending, -(-pending.size // batch))
-            found += [propose(self.plant, self.spec, self.P[len(self.P) - 1 - T], part, cells.every.take(part), T)
-                      for part in parts]
+            batch = max(1, numbers // (T * self.plant.n * (1 + cells.every.spans.shape[1])))
+            longer = []
+            for part in np.array_split(pending, -(-pending.size // batch)):
+                if found and self.clock.is_over:
+                    return found
+                found.append(propose(self.plant, self.spec, self.P[len(self.P) - 1 - T], part, cells.every.take(part), T))
+                longer.append(part[~self._free(cells.every.centers[:, part], found[-1].trials.u)])
             if 2 * T > self.last:
                 break
-            pending = np.concatenate([part[~self._free(cells.every.centers[:, part], each.trials.u)]
-                                      for part, each in zip(parts, found[-len(parts):], strict=True)])
-            T *= 2
+            pending, T = np.concatenate(longer), 2 * T
         return found
 
     def _free(self, x0: Array, u: Array) -> np.ndarray:
@@ -73,18 +81,24 @@ def refined(search: Search, cells: Cells, budget: int, tol: float) -> Found:
 
     A cell's gain is its probability times what `propose` estimates. In every round the cells with the largest gains are
     halved, each the way that gains most, until `budget` cells in all have been bounded or all gains together are below
-    `tol` times the bound.
+    `tol` times the bound. A round that the time limit cuts is not counted: halves without a bound of their own are worth
+    less than the cell.
     """
+    began = time.monotonic()
     proposals = search.bounded(cells, cells.leaves)
-    while cells.halving:
+    while cells.halving and not search.clock.is_over:
         values, gains = _table(proposals, cells)
-        chosen = _chosen(cells, values, gains, budget, tol)
+        spent = time.monotonic() - began
+        room = budget if not search.clock.is_set else int(values.size * (1 + _SPENT * search.clock.left / max(spent, 1e-3)))
+        chosen = _chosen(cells, values, gains, min(budget, room), tol)
         finer = cells.halved(chosen, np.argmax(gains[:, chosen], axis=0))
         new = np.arange(cells.every.probabilities.size, finer.every.probabilities.size)
         if not new.size:
             break
-        cells = finer
-        proposals += search.bounded(cells, new)
+        more = search.bounded(finer, new)
+        if search.clock.is_over:
+            break
+        cells, proposals = finer, proposals + more
     values, _ = _table(proposals, cells)
     return Found(cells, _best(proposals, values, cells), values[cells.leaves])
 

@@ -10,7 +10,8 @@ from ..arrays import Array
 from ..errors import DimensionError, InvalidInputError
 from ..inc import INC
 from ..linear.dynamic_loop import StartedFrom
-from ..plant import Plant, as_plant
+from ..loop import fitting
+from ..plant import Plant
 from ..sets import Box, Polytope
 from ..spec import Spec
 from .controller import DynamicINC
@@ -40,7 +41,7 @@ def extended(plant: Any, dynamic: DynamicINC) -> tuple[Plant, INC]:
     >>> simulate(*extended(Plant(1.5, 1.0), delay), [1.0, 0.0], steps=3).x[0].tolist()
     [1.0, 0.5, -0.25, -0.375]
     """
-    plant = _fitting(plant, dynamic)
+    plant = _counting_steps(plant, dynamic)
     l = dynamic.order
     A, B, C = (blkdiag(part, beside) for part, beside in
                ((plant.A, np.zeros((l, l))), (plant.B, np.eye(l)), (plant.C, np.eye(l))))
@@ -110,13 +111,10 @@ def _checked(memory: Box | None, l: int) -> Box:
     return memory
 
 
-def _fitting(plant: Any, dynamic: DynamicINC) -> Plant:
-    plant = as_plant(plant)
+def _counting_steps(plant: Any, dynamic: DynamicINC) -> Plant:
     if not isinstance(dynamic, DynamicINC):
         raise InvalidInputError(f"dynamic must be a DynamicINC, not {type(dynamic).__name__}")
-    if (dynamic.p, dynamic.m) != (plant.p, plant.m):
-        raise DimensionError(f"the controller maps {dynamic.p} measurements to {dynamic.m} inputs, but the plant has "
-                             f"{plant.p} measurements and {plant.m} inputs")
+    plant = fitting(plant, dynamic)
     if not plant.discrete:
         raise InvalidInputError("the controller counts steps, but the plant is continuous (dt = 0): use plant.sampled(dt)")
     return plant

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, frozen
-from ..errors import DimensionError
-from ..plant import Plant, as_plant
+from ..loop import fitting
+from ..plant import Plant
 from ..sets import Distribution
 from ..sets.base import Set
 from .controller import LinearController
@@ -122,7 +122,7 @@ def dynamic_loop(plant: Any, controller: LinearController) -> Plant:
     >>> simulate(dynamic_loop(plant, controller), law, [1.0, 0.0], steps=3).x[0].tolist()
     [1.0, 0.5, -0.25, -0.375]
     """
-    plant = _fitting(plant, controller)
+    plant = fitting(plant, controller)
     n, order = plant.n, controller.order
     A = np.block([[plant.A, np.zeros((n, order))], [controller.B_c @ plant.C, controller.A_c]])
     C = np.block([[plant.C, np.zeros((plant.p, order))], [np.zeros((order, n)), np.eye(order)]])
@@ -148,7 +148,7 @@ def static_form(plant: Any, controller: LinearController) -> tuple[Plant, Array]
     >>> static_form(Plant(1.5, 1.0), LinearController([[0.1]], [[0.2]], [[0.3]], [[0.4]]))[1].tolist()
     [[0.4, 0.3], [0.2, 0.1]]
     """
-    plant = _fitting(plant, controller)
+    plant = fitting(plant, controller)
     order = controller.order
     beside = np.zeros((order, order)), np.eye(order), np.eye(order)
     A, B, C = (_diagonal(*pair) for pair in zip((plant.A, plant.B, plant.C), beside, strict=True))
@@ -158,11 +158,3 @@ def static_form(plant: Any, controller: LinearController) -> tuple[Plant, Array]
 
 def _diagonal(first: Array, second: Array) -> Array:
     return np.block([[first, np.zeros((len(first), second.shape[1]))], [np.zeros((len(second), first.shape[1])), second]])
-
-
-def _fitting(plant: Any, controller: LinearController) -> Plant:
-    plant = as_plant(plant)
-    if (controller.p, controller.m) != (plant.p, plant.m):
-        raise DimensionError(f"the controller maps {controller.p} measurements to {controller.m} inputs, but the plant has "
-                             f"{plant.p} measurements and {plant.m} inputs")
-    return plant

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass, field
+from math import inf
 
 import numpy as np
 
@@ -20,11 +22,13 @@ ADMISSIBLE_TOL = 1e-9  # relative to the size of the limits
 class Admissible:
     """The gains F (m, p) with H_u F C v <= h_u for the initial states v listed so far; the list grows.
 
-    Constraints that a found gain violates are added, so sets of very many vertices, or none, can be handled.
+    Constraints that a found gain violates are added, so sets of very many vertices, or none, can be handled. until: the
+    time.monotonic() at which a search among them ends with what it has.
     """
 
     plant: Plant
     spec: Spec
+    until: float = inf
     rows: list[Array] = field(default_factory=list)
     limits: list[float] = field(default_factory=list)
 
@@ -174,6 +178,8 @@ def _descend(damped: Plant, admissible: Admissible, F: Array, steps: int) -> Arr
     S0 = S0 + 1e-9 * np.trace(S0) / len(S0) * np.eye(len(S0))  # so that no unstable mode goes unnoticed
     cost, gradient, hessian = evaluate(damped, spec, F, S0)
     for _ in range(steps):
+        if time.monotonic() >= admissible.until:
+            break
         floor = 1e-9 * (np.trace(hessian) / F.size + 1e-300)
         model = hessian + floor * np.eye(F.size)
         target = admissible.nearest(model, gradient.ravel() - model @ F.ravel(), F.shape)

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import factorial
 
 import numpy as np
 
@@ -22,7 +23,8 @@ from .walk import DIVERGED, Budget
 
 CONSERVED = 1e-9
 SPREAD = 1e13  # by how much neighbouring motions may have parted: beyond, rounding of their start is all that is seen
-BATCH = 10_000  # cells whose simplices are held at once
+BATCH, HELD = 10_000, 200_000  # cells whose simplices are held at once: so many, and so many simplices if they were cubes
+MOST_SIMPLICES = 10_000_000  # beyond which integrals are not worked out
 ARRIVED = 1 - 2.0**-30  # a cell counts as arrived with this much room, so that rounding cannot turn it away again
 MOST_DIMENSIONS = 8  # up to which cells are cut into simplices: a cube has n! of them
 
@@ -57,13 +59,15 @@ class CellWalk:
     @cached_property
     def followed(self) -> float:
         """The probability of the starting points that arrived; 0 when it is not known."""
-        if self.complete or self.arrived.start.shape[1] > MOST_DIMENSIONS:
-            return float(self.complete)
-        return self._mean(self.arrived)[0]
+        if self.complete:
+            return 1.0
+        share = self._mean(self.arrived)[0]
+        return 0.0 if np.isnan(share) else share
 
     @cached_property
     def expected(self) -> float:
-        """The expected cost over the starting points that arrived; NaN in more than 8 dimensions.
+        """The expected cost over the starting points that arrived; NaN in more than 8 dimensions, or where the pieces have
+        more than 10 million simplices.
 
         The integral is exact on each simplex of a triangulation. That nothing was lost in cutting shows in the volumes,
         which is asserted.
@@ -81,13 +85,17 @@ class CellWalk:
         return self._mean(self.arrived)[1] + self._mean(self.alive)[1]
 
     def _mean(self, cells: Cells) -> tuple[float, float]:
-        """The probability of starting in some cells, and the integral of their cost forms over it."""
-        if cells.start.shape[1] > MOST_DIMENSIONS:
+        """The probability of starting in some cells, and the integral of their cost forms over it; NaN where not known."""
+        n = cells.start.shape[1]
+        if n > MOST_DIMENSIONS:
             return float("nan"), float("nan")
-        share, cost = 0.0, 0.0
-        for begin in range(0, len(cells), BATCH):
-            part, _ = self._triangulated(cells.take(np.arange(begin, min(begin + BATCH, len(cells)))))
+        share, cost, simplices, batch = 0.0, 0.0, 0, max(1, min(BATCH, HELD // factorial(n)))
+        for begin in range(0, len(cells), batch):
+            part, _ = self._triangulated(cells.take(np.arange(begin, min(begin + batch, len(cells)))))
             share, cost = share + float(part.weight.sum()), cost + float(part.expected_cost())
+            simplices += len(part)
+            if simplices > MOST_SIMPLICES:
+                return float("nan"), float("nan")
         return share, cost
 
     @property
@@ -145,7 +153,7 @@ def cell_walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budge
     node, trails, patterns = np.zeros(len(alive), int), Trails.begin(loop.inc.q), None
     done, arrival, nodes = [], [], []
     within = replace(terminal, level=terminal.level * ARRIVED)
-    size, scale, slack = np.zeros(loop.inc.q), 1.0, np.inf
+    size, scale, slack, stored = np.zeros(loop.inc.q), 1.0, np.inf, 0
     for step in range(budget.steps + 1):
         inside = alive.lowest(within.contains(alive.now).astype(int)) == 1
         done.append(_with_tail(alive.take(inside), terminal, scale))
@@ -155,7 +163,9 @@ def cell_walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budge
         patterns = None if patterns is None else patterns[~inside]
         if progress:
             progress(step, len(alive))
-        ended = _exhausted(alive, step, budget, deadline, reach)
+        deadline = replace(deadline, done=deadline.done + int(inside.sum()))
+        stored += done[-1].size
+        ended = _exhausted(alive, step, budget, deadline, reach, stored)
         if len(alive) == 0 or ended:
             break
         split = one_law_each(loop, alive, patterns, size, deadline)
@@ -192,7 +202,7 @@ def _with_tail(inside: Cells, terminal: TerminalSet, scale: float) -> Cells:
     return replace(inside, cost=inside.cost + scale * np.swapaxes(lifted, 1, 2) @ terminal.tail @ lifted)
 
 
-def _exhausted(alive: Cells, step: int, budget: Budget, deadline: Deadline, reach: float) -> str:
+def _exhausted(alive: Cells, step: int, budget: Budget, deadline: Deadline, reach: float, stored: int) -> str:
     if len(alive) == 0:
         return ""
     if step >= budget.steps:
@@ -201,4 +211,4 @@ def _exhausted(alive: Cells, step: int, budget: Budget, deadline: Deadline, reac
         return f"a motion grew to {DIVERGED:g} times the size of the initial set"
     if float(np.max(np.abs(alive.motion[:, :, :-1]))) > SPREAD:
         return "starting points that floats can hardly tell apart part ways"
-    return deadline.passed(len(alive))
+    return deadline.passed(len(alive), stored + alive.size)

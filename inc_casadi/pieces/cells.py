@@ -43,6 +43,12 @@ class Cells:
         return self.motion.shape[0]
 
     @property
+    def size(self) -> int:
+        """About how many bytes it takes to hold the polytopes and to find their edges (`paired`)."""
+        M, n = self.facets.shape
+        return M * n * (120 + n * n) + 8 * len(self) * (n + 1) * (2 * n + 1)
+
+    @property
     def first(self) -> np.ndarray:
         """The first vertex (N,) of each polytope."""
         return np.searchsorted(self.owner, np.arange(len(self)))

@@ -14,7 +14,7 @@ from ..plant import Plant
 from ..sets import Box, Polytope
 from .laws import Laws, PiecewiseLoop, heights
 from .linear import determinant
-from .simplices import Simplices, begin, cut_along
+from .simplices import Simplices, begin, cut_along, pieces_of_cuts
 
 
 class Source(Protocol):
@@ -145,14 +145,14 @@ def one_law_each(source: Any, simplices: Simplices, pieces: int, deadline: float
         crossed = (height.max(axis=1) > 0) & (height.min(axis=1) < 0)
         cut = crossed.any(axis=1)
         ready.append((alive.take(~cut), patterns[~cut], parent[~cut]))
-        total = sum(len(part) for part, _, _ in ready)
-        ended = "" if not cut.any() else _spent(total + int(cut.sum()), pieces, deadline)
-        if ended:
-            ready.append((alive.take(cut), patterns[cut], parent[cut]))
-        if ended or not cut.any():
+        if not cut.any():
             break
         farthest = np.where(crossed[cut], height[cut].max(axis=1), 0).argmax(axis=1)
         chosen = np.take_along_axis(height[cut], farthest[:, None, None], axis=2)[:, :, 0]
+        ended = _spent(sum(len(part) for part, _, _ in ready) + pieces_of_cuts(chosen), pieces, deadline)
+        if ended:
+            ready.append((alive.take(cut), patterns[cut], parent[cut]))
+            break
         alive, origin = cut_along(alive.take(cut), chosen)[:2]
         patterns, parent = patterns[cut][origin], parent[cut][origin]
         patterns = source.patterns_at(alive.centroids(), patterns)

@@ -13,20 +13,29 @@ from .laws import Laws, PiecewiseLoop
 
 TOLERANCE = 1e-12  # a z this close to a kink counts as on it, relative to the terms that z is summed from
 MOST_NUMBERS = 4_000_000  # heights are worked out for so many vertices at once that no table holds more numbers
+MOST_BYTES = 2**30  # that polytopes, and the tables that find their edges, may take
 
 
 @dataclass(frozen=True)
 class Deadline:
-    """When cutting must stop: with more than `pieces` polytopes, or after `seconds` from `start`."""
+    """When cutting must stop: before there are more than `pieces` polytopes, `done` of them elsewhere; before a GiB is
+    used; or after `seconds` from `start`."""
 
     pieces: int
     seconds: float
     start: float
+    done: int = 0
 
-    def passed(self, pieces: int) -> str:
-        """Why it must stop now, or an empty string."""
-        if pieces > self.pieces:
+    def passed(self, pieces: int, size: int = 0) -> str:
+        """Why there must not be so many pieces of so many bytes (`Cells.size`) now, or an empty string.
+
+        >>> Deadline(10, float("inf"), 0.0, done=4).passed(7)
+        'more than 10 pieces'
+        """
+        if self.done + pieces > self.pieces:
             return f"more than {self.pieces} pieces"
+        if size > MOST_BYTES:
+            return f"more than {MOST_BYTES / 2**30:g} GiB for the vertices of {pieces} pieces"
         return f"the time limit of {self.seconds:g} s" if time.monotonic() - self.start > self.seconds else ""
 
 
@@ -87,7 +96,7 @@ def one_law_each(loop: PiecewiseLoop, cells: Cells, guess: np.ndarray | None, si
         ready.append((cells.take(~split), parent[~split], patterns[~split]))
         if not split.any():
             break
-        ended = deadline.passed(sum(len(part) for part, _, _ in ready) + int(split.sum()))
+        ended = _no_room(deadline, [part for part, _, _ in ready], cells.take(split))
         if ended:
             ready.append((cells.take(split), parent[split], patterns[split]))
             break
@@ -99,6 +108,12 @@ def one_law_each(loop: PiecewiseLoop, cells: Cells, guess: np.ndarray | None, si
         planes, parent = cells.planes, parent[half]
         patterns = loop.patterns_at(cells.middles(), patterns[half])
     return _collected(ready, planes, made, size, ended)
+
+
+def _no_room(deadline: Deadline, ready: list[Cells], crossed: Cells) -> str:
+    """Why cells that are crossed must not be cut: each becomes two, with about twice the vertices at most."""
+    pieces = sum(len(part) for part in ready) + 2 * len(crossed)
+    return deadline.passed(pieces, sum(part.size for part in ready) + 2 * crossed.size)
 
 
 def _collected(ready: list, planes: Array, made: list[Cuts], size: Array, ended: str) -> Split:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -76,7 +76,8 @@ def follow(loop: PiecewiseLoop, cells: Cells, inputs: Box | Polytope | None, goa
         if not len(alive) or (lost.any() and not patient):
             alive = alive.take(np.zeros(0, int))
             break
-        ended = deadline.passed(len(alive)) or (f"{step} steps" if step in (budget.steps, last + STALE) else "")
+        deadline = replace(deadline, done=deadline.done + len(done[-1]))
+        ended = deadline.passed(len(alive), alive.size) or (f"{step} steps" if step in (budget.steps, last + STALE) else "")
         if ended:
             break
         split = one_law_each(loop, alive, patterns, size, deadline)

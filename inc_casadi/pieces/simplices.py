@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, fields
+from math import comb
 from typing import Any
 
 import numpy as np
@@ -118,6 +119,22 @@ def cut_along(simplices: Simplices, height: Array) -> tuple[Simplices, np.ndarra
         simplices = simplices.split(i, j, height[rows, i] / (height[rows, i] - height[rows, j]))
         height = np.concatenate([height, height])
         height[rows, j], height[len(rows) + rows, i] = 0, 0
+
+
+def pieces_of_cuts(height: Array) -> int:
+    """Return how many pieces `cut_along` makes of simplices with these heights (N, n+1), counted without cutting.
+
+    With k vertices below and l above there are C(k + l, k): a cut puts one of either in the hyperplane, which leaves
+    (k - 1, l) and (k, l - 1), and Pascal's rule adds up.
+
+    >>> height = np.array([[-1.0, 3.0, 2.0, -2.0], [0.0, 1.0, 1.0, 1.0]])
+    >>> pieces_of_cuts(height), len(cut_along(begin(np.eye(4)[None, :, :3].repeat(2, axis=0), np.ones(2)), height)[0])
+    (7, 7)
+    """
+    below, above = (height < 0).sum(axis=1), (height > 0).sum(axis=1)
+    return sum(int(count) * comb(int(k + l), int(k))
+               for (k, l), count in zip(*np.unique(np.column_stack([below, above]), axis=0, return_counts=True),
+                                        strict=True))
 
 
 def steepest_crossing_edge(height: Array) -> tuple[np.ndarray, np.ndarray]:

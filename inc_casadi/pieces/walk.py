@@ -16,7 +16,7 @@ from ..sets import Box, Polytope
 from .enclosure import Step
 from .laws import Laws, PiecewiseLoop, heights
 from .linear import determinant
-from .simplices import Simplices, begin, cut_along, levelled
+from .simplices import Simplices, begin, cut_along, levelled, pieces_of_cuts
 from .terminal import TerminalSet
 
 DIVERGED = 1e6
@@ -24,7 +24,7 @@ DIVERGED = 1e6
 
 @dataclass(frozen=True)
 class Budget:
-    """How far a walk may go: simplices alive at once, steps, seconds."""
+    """How far a walk may go: pieces in all, arrived or under way, steps, seconds."""
 
     pieces: int = 200_000
     steps: int = 2_000
@@ -98,14 +98,16 @@ def walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budget: Bu
         patterns = None if patterns is None else patterns[~inside]
         if progress:
             progress(step, len(alive))
-        ended = _exhausted(alive, step, budget, clock, reach)
+        finished = sum(len(part) for part in done)
+        ended = _exhausted(alive, step, budget, clock, reach, finished)
         if len(alive) == 0 or ended:
             break
         patterns = loop.patterns_at(alive.centroids(), patterns)
         size = np.maximum(size, _size(loop, patterns, alive.now))
-        alive, tags, patterns, cutting = one_pattern_each(loop, alive, tags, patterns, size, budget, clock)
+        alive, tags, patterns, cutting = one_pattern_each(loop, alive, tags, patterns, size, budget, clock,
+                                                          finished)
         cuts += cutting.cuts
-        ended = _exhausted(alive, 0, budget, clock, reach)
+        ended = cutting.ended
         if ended:
             break
         distinct, which = loop.distinct(patterns)
@@ -123,15 +125,17 @@ def walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budget: Bu
 
 @dataclass(frozen=True)
 class Cutting:
-    """How one step's cutting went: cuts made, the depth of the deepest, and how far whole simplices leave their piece."""
+    """How one step's cutting went: cuts made, the depth of the deepest, how far whole simplices leave their piece, and ""
+    or the budget that ended it."""
 
     cuts: int
     depth: int
     beyond: float
+    ended: str = ""
 
 
 def one_pattern_each(loop: PiecewiseLoop, alive: Simplices, tags: np.ndarray, patterns: np.ndarray, size: Array,
-                     budget: Budget, clock: float) -> tuple[Simplices, np.ndarray, np.ndarray, Cutting]:
+                     budget: Budget, clock: float, finished: int = 0) -> tuple[Simplices, np.ndarray, np.ndarray, Cutting]:
     """Cut simplices until the controller is one affine law on each; return them with tags, patterns and the cutting.
 
     The law of the pattern at a simplex's centroid holds on all of it exactly when its z lies within the piece at
@@ -140,9 +144,10 @@ def one_pattern_each(loop: PiecewiseLoop, alive: Simplices, tags: np.ndarray, pa
     that hyperplane again and there are finitely many, so this ends. (In floats a vertex beyond a bound without one
     strictly within is beyond it by at most n + 1 tolerances, and counts as on it.)
 
-    patterns (N, q): those at the centroids; size (q,): what the tolerance of the kinks is relative to.
+    patterns (N, q): those at the centroids; size (q,): what the tolerance of the kinks is relative to;
+    finished: pieces elsewhere that the budget counts too. It is looked at before a cut, so it is never exceeded.
     """
-    ready, cuts, depth, beyond = [], 0, 0, 0.0
+    ready, cuts, depth, beyond, ended = [], 0, 0, 0.0, ""
     while True:
         distinct, which = loop.distinct(patterns)
         raw = heights(loop.laws(distinct), which, alive.now)
@@ -156,16 +161,17 @@ def one_pattern_each(loop: PiecewiseLoop, alive: Simplices, tags: np.ndarray, pa
             break
         farthest = np.where(crossed[cut], highest[cut], 0).argmax(axis=1)
         chosen = np.take_along_axis(height[cut], farthest[:, None, None], axis=2)[:, :, 0]
+        ended = _no_room(budget, clock, finished + sum(len(part) for part, _, _ in ready) + pieces_of_cuts(chosen))
+        if ended:
+            ready.append((alive.take(cut), tags[cut], patterns[cut]))
+            break
         alive, parent, rounds = cut_along(alive.take(cut), chosen)
         cuts, depth = cuts + len(alive) - len(chosen), depth + rounds
         tags, patterns = tags[cut][parent], patterns[cut][parent]
         patterns = loop.patterns_at(alive.centroids(), patterns)
-        if sum(len(part) for part, _, _ in ready) + len(alive) > budget.pieces or _late(budget, clock):
-            ready.append((alive, tags, patterns))
-            break
     parts, all_tags, all_patterns = zip(*ready, strict=True)
     whole = parts[0].joined(*parts[1:])
-    return whole, np.concatenate(all_tags), np.concatenate(all_patterns), Cutting(cuts, depth, beyond)
+    return whole, np.concatenate(all_tags), np.concatenate(all_patterns), Cutting(cuts, depth, beyond, ended)
 
 
 def _size(loop: PiecewiseLoop, patterns: np.ndarray, points: Array) -> Array:
@@ -214,22 +220,20 @@ def _initial(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet) -> Sim
     return begin(loop.numbers(vertices), loop.numbers(volumes / volumes.sum()))
 
 
-def _late(budget: Budget, clock: float) -> bool:
-    return time.monotonic() - clock > budget.seconds
+def _no_room(budget: Budget, clock: float, pieces: int) -> str:
+    if pieces > budget.pieces:
+        return f"more than {budget.pieces} simplices"
+    return f"the time limit of {budget.seconds:g} s" if time.monotonic() - clock > budget.seconds else ""
 
 
-def _exhausted(alive: Simplices, step: int, budget: Budget, clock: float, reach: float) -> str:
+def _exhausted(alive: Simplices, step: int, budget: Budget, clock: float, reach: float, finished: int) -> str:
     if len(alive) == 0:
         return ""
-    if len(alive) > budget.pieces:
-        return f"more than {budget.pieces} simplices"
     if step >= budget.steps:
         return f"{len(alive)} simplices still under way after {step} steps"
     if float(np.max(np.abs(alive.now))) > reach:
         return f"a motion grew to {DIVERGED:g} times the size of the initial set"
-    if _late(budget, clock):
-        return f"the time limit of {budget.seconds:g} s"
-    return ""
+    return _no_room(budget, clock, finished + len(alive))
 
 
 def _assert_conserved(total: object, done: Simplices, left: Simplices, exactly: bool) -> None:

@@ -8,6 +8,7 @@ from affine_oracle import sampled_program, with_moments
 
 from inc_casadi import Box, Ellipsoid, Empirical, Moments, Plant, Polytope, Spec, Uniform
 from inc_casadi.bounds import affine_moves, any_controller, first_move
+from inc_casadi.errors import InvalidInputError
 
 TWO_STATE = Plant([[1.10, 1.00], [0.0, 1.02]], [[0.20], [0.50]])
 TWO_STATE_SPEC = Spec(np.eye(2), 0.05, 0.98, Box([-0.8, -0.8], [0.8, 0.8]), Box(-1, 1))
@@ -46,6 +47,27 @@ def test_the_cap_and_the_tolerance_end_the_search():
     assert [N_ for N_, _ in affine_moves(TWO_STATE, TWO_STATE_SPEC, tolerance=10.0).horizons] == [1, 2, 4]
     dearer = replace(TWO_STATE_SPEC, Q=1e6 * TWO_STATE_SPEC.Q, R=1e6 * TWO_STATE_SPEC.R)
     assert [N_ for N_, _ in affine_moves(TWO_STATE, dearer, tolerance=0.01).horizons] == [1, 2, 4, 8, 16]
+
+
+@pytest.mark.parametrize("bound", [affine_moves, first_move, any_controller])
+def test_a_time_limit_leaves_a_lower_bound_that_holds(bound):
+    whole, cut = bound(TWO_STATE, TWO_STATE_SPEC), bound(TWO_STATE, TWO_STATE_SPEC, seconds=0.0)
+    assert cut.cut_short and not whole.cut_short
+    assert cut.holds() and 0 < cut.value <= whole.value
+
+
+def test_time_that_suffices_changes_nothing():
+    plant, spec = draw(0)
+    whole, timed = affine_moves(plant, spec, most=8), affine_moves(plant, spec, most=8, seconds=1e4)
+    assert timed.horizons == whole.horizons and not timed.cut_short
+    whole, timed = any_controller(plant, spec, cells=200), any_controller(plant, spec, cells=200, seconds=1e4)
+    assert timed.value == pytest.approx(whole.value, rel=1e-9) and not timed.cut_short
+
+
+def test_a_time_limit_is_a_number_of_seconds():
+    for bound in (affine_moves, any_controller):
+        with pytest.raises(InvalidInputError, match="seconds"):
+            bound(TWO_STATE, TWO_STATE_SPEC, seconds=-1.0)
 
 
 def test_it_does_not_stop_before_the_inputs_have_reached_the_cost():

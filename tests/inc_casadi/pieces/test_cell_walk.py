@@ -7,6 +7,8 @@ from walk_draws import USABLE, draw, motions
 
 from inc_casadi import INC, Box, Plant
 from inc_casadi.claims.regional import Regional
+from inc_casadi.pieces import cell_walk as cell_walk_module
+from inc_casadi.pieces import cutting
 from inc_casadi.pieces.cell_walk import cell_walk
 from inc_casadi.pieces.laws import PiecewiseLoop
 from inc_casadi.pieces.terminal import find
@@ -92,6 +94,61 @@ def test_a_spent_budget_is_said_and_what_was_found_is_kept(budget, why):
     assert found.followed + float(found.left.weight.sum()) == pytest.approx(1.0, abs=1e-9)
     whole, _ = both(plant, inc, claim)
     assert 0 <= found.at_least < whole.expected and whole.at_least == whole.expected
+
+
+@pytest.mark.parametrize("pieces", [20, 60, 200])
+@pytest.mark.parametrize("seed", USABLE[:6])
+def test_no_walk_ever_holds_more_pieces_than_its_budget(seed, pieces):
+    plant, inc, claim = draw(seed)
+    cells, simplices = both(plant, inc, claim, Budget(pieces=pieces))
+    assert len(cells.arrived) + len(cells.alive) <= pieces
+    assert len(simplices.done) + len(simplices.left) <= pieces
+
+
+def test_pieces_that_have_arrived_count_too():
+    plant, inc, claim = masses(1.0, 0.5)
+    loop = PiecewiseLoop(plant, inc)
+    terminal = find(loop, claim)[0]
+    most = []
+    found = cell_walk(loop, claim, terminal, progress=lambda step, alive: most.append(alive))
+    assert len(found.arrived) > max(most)  # so many at once would be allowed below, but not in all
+    short = cell_walk(loop, claim, terminal, Budget(pieces=(len(found.arrived) + max(most)) // 2))
+    assert "more than" in short.ended and not short.complete
+
+
+def test_polytopes_of_too_many_vertices_end_a_walk_before_memory_does(monkeypatch):
+    plant, inc, claim = masses(1.0, 0.5)
+    loop = PiecewiseLoop(plant, inc)
+    terminal = find(loop, claim)[0]
+    monkeypatch.setattr(cutting, "MOST_BYTES", 2**20)
+    found = cell_walk(loop, claim, terminal)
+    assert found.ended.startswith("more than") and "GiB for the vertices of" in found.ended
+    assert found.arrived.size + found.alive.size <= 2**20
+
+
+def test_what_has_arrived_takes_memory_too(monkeypatch):
+    plant, inc, claim = masses(1.0, 0.5)
+    loop = PiecewiseLoop(plant, inc)
+    terminal = find(loop, claim)[0]
+    size = cell_walk(loop, claim, terminal).arrived.size
+    monkeypatch.setattr(cutting, "MOST_BYTES", int(0.95 * size))
+    found = cell_walk(loop, claim, terminal)
+    assert "GiB for the vertices of" in found.ended and found.arrived.size + found.alive.size <= size
+
+
+def test_an_integral_over_too_many_simplices_is_not_worked_out(monkeypatch):
+    plant, inc, claim = draw(3)
+    monkeypatch.setattr(cell_walk_module, "MOST_SIMPLICES", 3)
+    found, _ = both(plant, inc, claim)
+    assert found.complete and np.isnan(found.expected) and found.followed == 1.0 and np.isfinite(found.worst[0])
+
+
+def test_small_batches_of_cells_give_the_same_integral(monkeypatch):
+    plant, inc, claim = draw(3)
+    whole, _ = both(plant, inc, claim)
+    monkeypatch.setattr(cell_walk_module, "HELD", 8)
+    again, _ = both(plant, inc, claim)
+    assert len(again.arrived) > 8 and again.expected == pytest.approx(whole.expected, rel=1e-12)
 
 
 def test_at_the_edge_of_what_can_be_steered_the_walk_ends_with_a_reason():

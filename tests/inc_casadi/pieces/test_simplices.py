@@ -7,7 +7,7 @@ import pytest
 
 from inc_casadi import Box
 from inc_casadi.blocks import exact
-from inc_casadi.pieces.simplices import Simplices, begin, cut_along, levelled, steepest_crossing_edge
+from inc_casadi.pieces.simplices import Simplices, begin, cut_along, levelled, pieces_of_cuts, steepest_crossing_edge
 
 
 def draw(seed, N=5, n=3):
@@ -82,6 +82,13 @@ def test_cutting_along_a_hyperplane_leaves_nothing_across_and_loses_nothing(n):
     np.testing.assert_allclose(np.bincount(parent, pieces.weight, 7), whole.weight, rtol=1e-12)
     assert pieces.expected_cost() == pytest.approx(whole.expected_cost(), rel=1e-12)
     assert len(pieces) > 7
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 5, 7])
+def test_the_pieces_of_a_cut_are_counted_before_it_is_made(n):
+    simplices = draw(4, N=40, n=n)
+    height = np.random.default_rng(5).standard_normal((40, n + 1)).round(0)  # some vertices lie in the hyperplane
+    assert pieces_of_cuts(height) == len(cut_along(simplices, height)[0])
 
 
 def test_cutting_in_fractions_is_exact():
