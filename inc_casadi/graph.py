@@ -123,7 +123,7 @@ def residual_function(activations: Sequence[Activation], smoothing: float = 0.0)
     units = tuple(activations)
     q = len(units)
     eta, r, W = ca.MX.sym("eta", q), ca.MX.sym("r", q), ca.MX.sym("W", q, q)
-    residual = eta - _units_graph(units, W @ eta + r, smoothing)
+    residual = eta - units_graph(units, W @ eta + r, smoothing)
     return ca.Function("residual", [eta, r, W], [residual], ["eta", "r", "W"], ["residual"])
 
 
@@ -213,7 +213,7 @@ def _implicit(units: Units, smoothing: float, guess: ca.Function | None = None) 
     r, W = ca.MX.sym("r", q), ca.MX.sym("W", q, q)
     solver = ca.rootfinder(f"fixed_point_{next(_serial)}", "fast_newton", residual_function(units, smoothing),
                            dict(_ROOTFINDER))
-    start = _units_graph(units, r, smoothing) if guess is None else guess(r)
+    start = units_graph(units, r, smoothing) if guess is None else guess(r)
     return ca.Function("hidden", [r, W], [solver(start, r, W)], ["r", "W"], ["eta"])
 
 
@@ -238,7 +238,7 @@ def _split(inc: INC, T: Array, smoothing: float) -> ca.Function:
 
 
 def _psi(units: Units, z: Any, low: Array, smoothing: float) -> Any:
-    return _units_graph(units, z, smoothing) - ca.DM(low) * z
+    return units_graph(units, z, smoothing) - ca.DM(low) * z
 
 
 def _one_pass(units: Units, W: Array, r: Any, levels: list[np.ndarray], smoothing: float) -> Any:
@@ -246,14 +246,20 @@ def _one_pass(units: Units, W: Array, r: Any, levels: list[np.ndarray], smoothin
     done, eta = np.zeros(0, dtype=int), type(r)(0, 1)
     for level in levels:
         z = r[level.tolist()] + ca.sparsify(ca.DM(W[np.ix_(level, done)])) @ eta
-        eta = ca.vertcat(eta, _units_graph(tuple(units[i] for i in level), z, smoothing))
+        eta = ca.vertcat(eta, units_graph(tuple(units[i] for i in level), z, smoothing))
         done = np.concatenate([done, level])
     return eta[np.argsort(done).tolist()] if done.size else eta
 
 
-def _units_graph(units: Units, z: Any, smoothing: float) -> Any:
-    if len(set(units)) == 1:
-        return activation_graph(units[0], z, smoothing)
+def units_graph(units: Units, z: Any, smoothing: float) -> Any:
+    """Return phi(z) for one activation per entry of the column z, kinks rounded as in `activation_graph`.
+
+    >>> from inc_casadi.activations import ReLU, Tanh
+    >>> units_graph((ReLU(), Tanh(), ReLU()), ca.DM([-1.0, 0.0, 2.0]), 0.0).full().ravel().tolist()
+    [0.0, 0.0, 2.0]
+    """
+    if len(set(units)) <= 1:
+        return activation_graph(units[0], z, smoothing) if units else z
     parts = [(rows, activation_graph(unit, z[rows.tolist()], smoothing)) for unit, rows in groups(units)]
     order = np.argsort(np.concatenate([rows for rows, _ in parts]))
     return ca.vertcat(*[part for _, part in parts])[order.tolist()]

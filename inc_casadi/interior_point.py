@@ -38,18 +38,20 @@ class View:
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A run so far. best: the strictly feasible iterate of least gap; deep: the last with a gap above DEEP; None so far."""
+    """A run so far. best: the strictly feasible iterate of least gap; deep: the last with a gap above depth; None so far."""
 
     at: Iterate
+    depth: float = DEEP
     best: Iterate | None = None
     deep: Iterate | None = None
     gap: float = np.inf
+    residual: float = np.inf
     status: str = "limit"
     iterations: int = 0
 
 
 def solve(problem: Problem, *, tolerance: float = 1e-8, max_iterations: int = 100, start: Array | None = None,
-          stop: Stop | None = None) -> Solution:
+          stop: Stop | None = None, depth: float = DEEP) -> Solution:
     """Return the minimizer of the problem, strictly inside the constraints whenever any point is found there.
 
     Infeasible primal-dual predictor-corrector steps (`newton_step.advance`) from a multiple of the identity. From the
@@ -63,7 +65,8 @@ def solve(problem: Problem, *, tolerance: float = 1e-8, max_iterations: int = 10
     A run that finds neither a feasible point nor a proof is followed by one without cost, then by one from its point.
 
     tolerance: relative gap; start: (v,) a strictly feasible y to begin at, with X = mu S^-1 (ignored when it is not
-    strictly feasible); stop: called with strictly feasible y, True ends the search.
+    strictly feasible); stop: called with strictly feasible y, True ends the search; depth: relative gap of the interior
+    point that is returned beside the optimal one. X and the residual are those of the least gap.
     Raises DimensionError when start has not the size of the cost.
 
     >>> from inc_casadi.lmi_problem import Block, Term
@@ -72,6 +75,8 @@ def solve(problem: Problem, *, tolerance: float = 1e-8, max_iterations: int = 10
     >>> found = solve(Problem(np.array([1.0, 4.0]), (cone,), np.zeros((0, 2)), np.zeros(0), -free, free))
     >>> found.status, np.round(found.y, 5).tolist(), float(np.prod(found.y)) > 1.0
     ('optimal', [2.0, 0.5], True)
+    >>> found.X[0].round(5).tolist()
+    [[1.0, -2.0], [-2.0, 4.0]]
     """
     y = None if start is None else vector("start", start, problem.size)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # a diverging run ends as "stalled"
@@ -81,7 +86,7 @@ def solve(problem: Problem, *, tolerance: float = 1e-8, max_iterations: int = 10
         y = None if y is None else y / program.unknowns
         halt = None if stop is None else lambda y: stop(y * program.unknowns)
         first = (None if y is None else _warm(program, y)) or _cold(program)
-        run = _run(program, first, tolerance, max_iterations, halt)
+        run = _run(program, Run(first, depth), tolerance, max_iterations, halt)
         if run.best is None and run.status != "infeasible":
             run = _second_chance(program, run, tolerance, max_iterations, halt)
         return _solution(problem, program, run)
@@ -125,15 +130,15 @@ def _warm(program: ConeProgram, y: Array) -> Iterate | None:
     return Iterate(y, S, tuple(mu * z for z in Z), True)
 
 
-def _run(program: ConeProgram, at: Iterate, tolerance: float, max_iterations: int, stop: Stop | None) -> Run:
-    """Return where the iterations from `at` end."""
-    run, merits = Run(at), [np.inf]
+def _run(program: ConeProgram, run: Run, tolerance: float, max_iterations: int, stop: Stop | None) -> Run:
+    """Return where the iterations of a run that has only begun end."""
+    merits = [np.inf]
     for count in range(max_iterations + 1):
         seen = _view(program, run.at)
         run = _remembered(run, seen, count)
         merits.append(max(seen.gap, seen.residual))
         if stop is not None and run.at.exact and stop(run.at.y):
-            return replace(run, status="stopped", best=run.at, gap=seen.gap)
+            return replace(run, status="stopped", best=run.at, gap=seen.gap, residual=seen.residual)
         status = _verdict(run.at, seen, merits, tolerance)
         if status:
             return replace(run, status=status)
@@ -158,12 +163,11 @@ def _view(program: ConeProgram, at: Iterate) -> View:
 
 def _remembered(run: Run, seen: View, count: int) -> Run:
     """Return the run with its memory of strictly feasible iterates brought up to date."""
-    best, deep, gap = run.best, run.deep, run.gap
-    if run.at.exact and (best is None or seen.gap <= gap):
-        best, gap = run.at, seen.gap
-    if run.at.exact and (deep is None or seen.gap >= DEEP):
-        deep = run.at
-    return replace(run, best=best, deep=deep, gap=gap, iterations=count)
+    if run.at.exact and (run.best is None or seen.gap <= run.gap):
+        run = replace(run, best=run.at, gap=seen.gap, residual=seen.residual)
+    if run.at.exact and (run.deep is None or seen.gap >= run.depth):
+        run = replace(run, deep=run.at)
+    return replace(run, iterations=count)
 
 
 def _verdict(at: Iterate, seen: View, merits: list[float], tolerance: float) -> str:
@@ -182,10 +186,10 @@ def _second_chance(program: ConeProgram, run: Run, tolerance: float, max_iterati
     The proof of infeasibility does not read the cost, but a cost without a minimum can keep a run from finding it.
     """
     free = replace(program, cost=np.zeros_like(program.cost))
-    probe = _run(free, _cold(free), tolerance, max_iterations, lambda _: True)
+    probe = _run(free, Run(_cold(free)), tolerance, max_iterations, lambda _: True)
     if probe.best is None:
         return replace(run, status=probe.status if probe.status == "infeasible" else run.status)
-    return _run(program, _warm(program, probe.best.y) or probe.best, tolerance, max_iterations, stop)
+    return _run(program, Run(_warm(program, probe.best.y) or probe.best, run.depth), tolerance, max_iterations, stop)
 
 
 def _solution(problem: Problem, program: ConeProgram, run: Run) -> Solution:
@@ -194,8 +198,10 @@ def _solution(problem: Problem, program: ConeProgram, run: Run) -> Solution:
         return Solution(run.at.y * program.unknowns, None, run.status, np.inf, run.iterations)
     best, deep = run.best.y * program.unknowns, run.deep.y * program.unknowns
     inner_point = deep if problem.violation(deep) < 0.0 else None
+    X = tuple(size * block for size, block in zip(program.multipliers, run.best.X, strict=False))
+    found = Solution(best, inner_point, run.status, run.gap, run.iterations, X, run.residual)
     for part in REPAIRS:
         y = best + part * (deep - best)
         if problem.violation(y) < 0.0:
-            return Solution(y, inner_point, run.status, run.gap, run.iterations)
-    return Solution(best, inner_point, "stalled" if run.status == "optimal" else run.status, run.gap, run.iterations)
+            return replace(found, y=y)
+    return replace(found, status="stalled" if run.status == "optimal" else run.status)

@@ -81,7 +81,9 @@ class Solution:
 
     y: (v,) the best point; interior: (v,) a deeper point on the way there, or None; status: "optimal", "infeasible"
     (no y satisfies the constraints, as far as the solver can tell), "stopped" (as asked), "stalled" or "limit"; gap:
-    relative duality gap.
+    relative duality gap; X: the multipliers, one symmetric X_k >= 0 (N_k, N_k) per block, of the Lagrangian
+    cost'y - sum_k <X_k, S_k(y)> - (linear constraints), empty where the solver tells none; residual: the largest error of
+    its stationarity in y, in numbers near 1.
     """
 
     y: Array
@@ -89,3 +91,5 @@ class Solution:
     status: str
     gap: float
     iterations: int
+    X: tuple[Array, ...] = ()
+    residual: float = np.inf

@@ -110,6 +110,21 @@ def stacked_matrices(A: Any, B: Any, C: Any, W: Any, U: Any, V: Any, K: Any) -> 
     return F, G, Z, np.eye(n, n + q), np.eye(q, n + q, n)
 
 
+def fitting(plant: Any, controller: Any, name: str = "the controller") -> Plant:
+    """Return the plant, converted if it is a control.StateSpace, whose p and m are those of a controller of any kind.
+
+    Raises DimensionError when they are not; name: of the controller in the message.
+
+    >>> fitting(Plant([[1.5]], [[1.0]]), INC.linear([[-1.0]])).n
+    1
+    """
+    plant = as_plant(plant)
+    if (controller.p, controller.m) != (plant.p, plant.m):
+        raise DimensionError(f"{name} maps {controller.p} measurements to {controller.m} inputs, but the plant has "
+                             f"{plant.p} measurements and {plant.m} inputs")
+    return plant
+
+
 def close_loop(plant: Plant, inc: INC) -> ClosedLoop:
     """Return the loop of a plant and a controller.
 
@@ -119,10 +134,7 @@ def close_loop(plant: Plant, inc: INC) -> ClosedLoop:
     >>> loop.F.tolist(), loop.Z.tolist()
     ([[1.5, 1.0]], [[-1.5, 0.0]])
     """
-    plant = as_plant(plant)
-    if (inc.p, inc.m) != (plant.p, plant.m):
-        raise DimensionError(f"the controller maps {inc.p} measurements to {inc.m} inputs, but the plant has "
-                             f"{plant.p} measurements and {plant.m} inputs")
+    plant = fitting(plant, inc)
     F, G, Z, X, H = stacked_matrices(plant.A, plant.B, plant.C, inc.W, inc.U, inc.V, inc.K)
     if inc.preserves_origin:
         ends = sectors(inc.activations)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import threading
 import time
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -26,9 +27,9 @@ from .result import Attempt
 from .starts.random_start import random_start
 from .starts.resting import resting
 
-QUICK_SAMPLES = 4_000
+QUICK_SAMPLES, LATE_SAMPLES = 4_000, 400  # the latter where the time is over
 PIECES = 50_000
-TRAINING = 0.7  # of the time that is left, at most; the proof needs some
+TRAINING = 0.6  # of the time that is left, at most; the proof needs some
 SHRUNK = 0.98  # of the input limits, where a law that was trained on all of them went beyond
 
 AS_IT_IS, TRAINED, CERTIFIED = "as it is", "trained", "retrained with its certificate"
@@ -45,7 +46,8 @@ class Task:
     else tells it apart; of, why: the attempt that it follows from, and for what reason; hidden, activation, kappa, seed:
     of the units; horizon: of training, by default its own choice; iterations: of training, or rounds of the BMI loop;
     shrunk: train on 0.98 of the input limits; biased: whether trained units have biases, which a matrix inequality about
-    every initial state hardly bears; frozen: names of matrices that training leaves alone; form: of the training program;
+    every initial state hardly bears; frozen: names of matrices that training leaves alone; form: of the training program,
+    options: others of it;
     seconds: what training and proof may take, each; until: the time.time() when all must end.
     """
 
@@ -67,7 +69,8 @@ class Task:
     shrunk: bool = False
     biased: bool = True
     frozen: tuple[str, ...] = ()
-    form: str = "shooting"
+    form: str = "auto"
+    options: Mapping[str, Any] = field(default_factory=dict)
     until: float = math.inf
 
     @property
@@ -82,13 +85,14 @@ class Task:
 
 def plan(plant: Plant, spec: Spec, hidden: int, activation: Activation, kappa: float, seed: int, seconds: float,
          iterations: int = 60, starts: Sequence[str] | None = None, given: Sequence[INC] = (),
-         frozen: Sequence[str] = (), form: str = "shooting") -> tuple[Task, ...]:
+         frozen: Sequence[str] = (), form: str = "auto",
+         options: Mapping[str, Any] | None = None) -> tuple[Task, ...]:
     """Return the first round: the laws given, and the starts that suit the problem, as they are and trained.
 
     LQR needs the full state and a box or no limits, other problems a static gain. starts: these instead.
     """
     task = Task("", AS_IT_IS, plant, spec, hidden, activation, kappa, seed, seconds, iterations, frozen=tuple(frozen),
-                form=form, biased=_cut_into_pieces(spec) or not rests_at_zero(spec))
+                form=form, options=dict(options or {}), biased=_cut_into_pieces(spec) or not rests_at_zero(spec))
     ways = (AS_IT_IS, TRAINED) if hidden else (AS_IT_IS,)
     laws = [{AS_IT_IS: law, TRAINED: with_room(inner_of(law, spec), task)} for law in given]
     tasks = [replace(task, start=f"given {i + 1}", way=way, law=law[way]) for i, law in enumerate(laws) for way in ways]
@@ -133,7 +137,8 @@ def _attempt(task: Task) -> Attempt:
     except INCError as error:
         return Attempt(task.name, None, None, None, time.monotonic() - clock, str(error), of=task.of, why=task.why)
     verdict = gate(task.plant, task.spec, made.inc, Budget(pieces=PIECES, seconds=task.left()))
-    run = estimate(task.plant, made.inc, task.spec, samples=QUICK_SAMPLES, seed=task.seed)
+    samples = LATE_SAMPLES if task.until <= time.time() else QUICK_SAMPLES
+    run = estimate(task.plant, made.inc, task.spec, samples=samples, seed=task.seed)
     timed = "time limit" in made.note or Cause.TIME in verdict.causes or (
         task.iterations > 0 and "nothing searched" in made.note)
     return Attempt(task.name, made.inc, verdict, run, time.monotonic() - clock, made.note, made.training, made.inner,
@@ -168,8 +173,9 @@ def _trained(task: Task, inner: INC) -> _Made:
     if not task.biased:
         inner = INC(inner.W, inner.U, inner.V, inner.K, activation=inner.activations)
     frozen = task.frozen if task.biased else (*task.frozen, "b", "d")
-    run = train(task.plant, _training_spec(task), inner, kappa=task.kappa, horizon=task.horizon, frozen=frozen,
-                max_iterations=task.iterations, time_limit=task.left(TRAINING), form=task.form, seed=task.seed)
+    options = {**task.options, **({} if task.horizon is None else {"horizon": task.horizon})}
+    run = train(task.plant, _training_spec(task), inner, kappa=task.kappa, frozen=frozen, max_iterations=task.iterations,
+                time_limit=task.left(TRAINING), form=task.form, seed=task.seed, **options)
     return _Made(_at_rest(run.inc, task), run.inner, run.status, tuple((row["seconds"], row["cost"]) for row in run.history))
 
 
@@ -199,7 +205,7 @@ def _training_spec(task: Task) -> Spec:
     if isinstance(inputs, Box):
         middle, half = (inputs.lower + inputs.upper) / 2, SHRUNK * (inputs.upper - inputs.lower) / 2
         return replace(task.spec, inputs=Box(middle - half, middle + half))
-    from .training_setup import inscribed_box
+    from .input_box import inscribed_box
 
     box = inscribed_box(inputs)
     middle = (box.lower + box.upper) / 2

@@ -13,8 +13,10 @@ from inc_casadi.certificate import MatrixCertificate, posed_values
 from inc_casadi.claims.base import Claim
 from inc_casadi.errors import InvalidInputError, NotCertifiedError
 from inc_casadi.inc import INC
+from inc_casadi.interior_point import solve
 from inc_casadi.lmi_assembly import Assembly, assembled
 from inc_casadi.lmi_frame import Frame
+from inc_casadi.lmi_problem import Solution
 from inc_casadi.lmi_search import EXACT_UP_TO, search
 from inc_casadi.loop import close_loop
 from inc_casadi.multipliers import Multiplier, as_multiplier
@@ -22,10 +24,9 @@ from inc_casadi.plant import as_plant
 
 from .condition_graph import ConditionGraph, condition_graph
 from .law_family import unflat
-from .lmi_dual import DualPair, dual_pair
 
 INWARD = (0.0, 1e-6, 1e-4, 1e-2, 0.3, 1.0)
-GAP = 1e-9
+GAP, DEEP = 1e-9, 1e-2  # relative gaps of the optimum and of the deeper point
 
 
 class Gradient(NamedTuple):
@@ -70,8 +71,8 @@ def certified_cost(plant: Any, inc: INC, claim: Claim, multiplier: str | Multipl
         db = - sum_k <Z_k, dL_k>,   dL_k along theta at the optimal v (signs and c do not depend on theta).
 
     Where the optimum is not unique, b need not be differentiable, and the figure is that of one optimal pair: an element of
-    Clarke's generalized gradient. dL comes from the CasADi reading of the claim (`ConditionGraph`), Z from primal-dual steps
-    (`dual_pair`). The biases b and d follow W and V so that the rest point stays (`Family`).
+    Clarke's generalized gradient. dL comes from the CasADi reading of the claim (`ConditionGraph`), Z from the
+    interior point's X. The biases b and d follow W and V so that the rest point stays (`Family`).
 
     Parameters
     ----------
@@ -113,17 +114,17 @@ def cost_at(graph: ConditionGraph, inc: INC) -> CertifiedCost | None:
     """Return the certified cost of a law of the graph's kind, or None when no certificate that holds is found."""
     programs = programs_at(graph, inc)
     problem = programs.cheapest()
-    pair = dual_pair(problem, GAP)
-    if pair is None or pair.infeasible:
+    pair = solve(problem, tolerance=GAP, depth=DEEP)
+    if pair.interior is None or not pair.X:
         return None
-    certificate = _surviving(programs, pair.y, pair.deeper)
+    certificate = _surviving(programs, pair.y, pair.interior)
     if certificate is None:
         return None
     value = objective(programs, certificate.values)
     unit = objective(programs, programs.values_at(pair.y)) / float(problem.cost @ pair.y)
     slope = -unit * graph.slope(inc, programs.values_at(pair.y), duals(graph, programs.frame, pair))
     return CertifiedCost(certificate, value, Gradient(*unflat(slope, inc)), pair.gap, pair.residual,
-                         programs.values_at(pair.deeper), programs.frame)
+                         programs.values_at(pair.interior), programs.frame)
 
 
 def programs_at(graph: ConditionGraph, inc: INC, frame: Frame | None = None) -> Assembly:
@@ -132,7 +133,7 @@ def programs_at(graph: ConditionGraph, inc: INC, frame: Frame | None = None) -> 
     return assembled(close_loop(parts.loop.plant, inc), parts.claim, parts.multiplier, frame)
 
 
-def duals(graph: ConditionGraph, frame: Frame, pair: DualPair) -> dict[str, Array]:
+def duals(graph: ConditionGraph, frame: Frame, pair: Solution) -> dict[str, Array]:
     """Return the Z_k of the conditions themselves: <X, S'L S> = <S X S', L>."""
     S = graph.congruences(frame)
     return {name: S[name] @ X @ S[name].T for name, X in zip(graph.conditions, pair.X, strict=True)}

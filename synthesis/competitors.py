@@ -14,15 +14,15 @@ EXCEEDS = ", limits kept at k = 0 only"
 
 
 def linear_competitors(plant: Plant, spec: Spec, seed: int, notes: list[str],
-                       say: Callable[[str], None]) -> dict[str, float]:
+                       say: Callable[[str], None], seconds: float | None = None) -> dict[str, float]:
     """Return the costs of the best static linear gain found and of the scaled LQR gain, by name.
 
     Both keep the input limits at k = 0, as in sec:numerics; a name ends with a remark when the motion exceeds them
     later, for then the gain is no member of the class that the lower bounds are about. Reasons for a missing one go to
-    `notes`.
+    `notes`. seconds: for the search of the former, which a time limit ends with the best it has.
     """
     found: dict[str, float] = {}
-    for name, search in (("best static linear gain", lambda: best_static_gain(plant, spec, seed=seed)),
+    for name, search in (("best static linear gain", lambda: best_static_gain(plant, spec, seed=seed, seconds=seconds)),
                          ("scaled LQR gain", lambda: scaled_lqr_gain(plant, spec))):
         try:
             gain = search()

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from inc_casadi.activations import Activation, ReLU
+from inc_casadi.arrays import Array
 from inc_casadi.errors import InvalidInputError
 from inc_casadi.inc import INC
 from inc_casadi.linear.regulator import discounted_lqr
@@ -17,6 +18,7 @@ from inc_casadi.sets import Box
 from inc_casadi.sets.rules import whole
 from inc_casadi.spec import Spec
 
+from .settling import SHARES, Rest, gives_way, local_gain, rest
 from .starts.imitation import Imitation, Law, imitate, lessons
 from .starts.random_start import linear_start, random_start
 from .starts.resting import resting
@@ -33,7 +35,9 @@ class Compression:
     inc: with the input limits built in, at rest at the origin exactly where it can be (`resting`); inner: without;
     teacher_units: of the teacher, None for one that is no INC; each cost is a mean over the same initial states
     (`yardstick`): teacher_cost, start_cost before any fit, fitted_cost after imitation, cost after training; fits: one per
-    round; training: None when none was asked for.
+    round; training: None when none was asked for; rest: whether motions come to rest; given_way: None where nothing had to
+    be mended for that, else the share of the law that gave way to a gain, 0 where only its slope at the origin did, 1 where
+    only the gain is left, NaN where nothing helps.
     """
 
     inc: INC
@@ -46,6 +50,8 @@ class Compression:
     fits: tuple[Imitation, ...]
     training: Training | None
     yardstick: Yardstick
+    rest: Rest
+    given_way: float | None = None
 
     @property
     def closed(self) -> float:
@@ -58,7 +64,14 @@ class Compression:
         teacher = "A teacher" if self.teacher_units is None else f"A teacher of {self.teacher_units} units"
         return (f"{teacher} costs {self.teacher_cost:.6g}; {self.inner.q} units cost {self.start_cost:.6g} at the start, "
                 f"{self.fitted_cost:.6g} after imitation and {self.cost:.6g} after training, which closes "
-                f"{100 * self.closed:.3g} % of the gap between saturated LQR and the best input sequences.")
+                f"{100 * self.closed:.3g} % of the gap between saturated LQR and the best input sequences; {self._end}.")
+
+    @property
+    def _end(self) -> str:
+        if self.given_way is None or np.isnan(self.given_way):
+            return self.rest.sentence
+        return (f"its slope at the origin and {100 * self.given_way:.3g} % of the rest had to give way to a linear gain, "
+                f"and {self.rest.sentence}")
 
 
 def compress(plant: Any, spec: Spec, teacher: Law, hidden: int = 8, *, activation: Activation | None = None,
@@ -69,6 +82,9 @@ def compress(plant: Any, spec: Spec, teacher: Law, hidden: int = 8, *, activatio
 
     Imitation on the teacher's motions, and from the second round on also on the student's own, where its errors lead
     (`lessons`, `imitate`); then `train` on the cost itself. Of the start and the rounds the one that costs least goes on.
+    Of all of them and the trained law, those that bring simulated motions to rest come first, then the cost decides. Where
+    none does, the best is mended: around the origin it gets the gain of the LQR, and if need be its units count less and
+    less (`gives_way`) until motions come to rest. `rest` says what was seen in the end.
 
     Parameters
     ----------
@@ -100,8 +116,7 @@ def compress(plant: Any, spec: Spec, teacher: Law, hidden: int = 8, *, activatio
     plant = as_plant(plant)
     ends = yardstick(plant, spec, samples=samples, seed=seed + 1)
     teacher_cost = float(ends.costs(teacher).mean())
-    if not np.isfinite(teacher_cost):
-        raise InvalidInputError("the teacher loses the state from some initial states: its cost is infinite")
+    _refuse_lost(teacher_cost)
     inner = _student(plant, spec, hidden, activation, kappa, seed) if start is None else start
     laws, fits = [inner], list[Imitation]()
     taught = lessons(plant, spec, teacher, points=points, seed=seed)
@@ -117,9 +132,35 @@ def compress(plant: Any, spec: Spec, teacher: Law, hidden: int = 8, *, activatio
         training = train(plant, spec, inner, kappa=kappa, max_iterations=training_iterations, time_limit=time_limit,
                          seed=seed)
         inner = training.inner
-    inc = _resting(_limited(inner, spec), spec)
+        laws.append(inner)
+    inner, inc, at_rest, given_way = _settled(ends, laws, inner, local_gain(plant, spec, teacher), seed)
     return Compression(inc, inner, teacher.q if isinstance(teacher, INC) else None, teacher_cost, costs[0], costs[best],
-                       float(ends.costs(inc).mean()), tuple(fits), training, ends)
+                       float(ends.costs(inc).mean()), tuple(fits), training, ends, at_rest, given_way)
+
+
+def _settled(ends: Yardstick, laws: list[INC], last: INC, gain: Array, seed: int) -> tuple[INC, INC, Rest, float | None]:
+    """The last law if it settles, else the cheapest that does, else the last one mended; with limits, and what was seen."""
+    plant, spec = ends.plant, ends.spec
+
+    def seen(inner: INC) -> tuple[INC, INC, Rest]:
+        inc = _resting(_limited(inner, spec), spec)
+        return inner, inc, rest(plant, spec, inc, seed)
+
+    others = sorted((law for law in laws if law is not last), key=lambda law: _cost(ends, law))
+    for law in (last, *others):
+        tried = seen(law)
+        if tried[2].holds:
+            return *tried, None
+    for share, law in zip(SHARES, gives_way(last, gain), strict=True):
+        tried = seen(law)
+        if tried[2].holds:
+            return *tried, 1.0 - share
+    return *seen(last), float("nan")
+
+
+def _refuse_lost(teacher_cost: float) -> None:
+    if not np.isfinite(teacher_cost):
+        raise InvalidInputError("the teacher loses the state from some initial states: its cost is infinite")
 
 
 def _student(plant: Plant, spec: Spec, hidden: int, activation: Activation | None, kappa: float, seed: int) -> INC:

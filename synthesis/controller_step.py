@@ -109,7 +109,7 @@ def controller_step(graph: ConditionGraph, family: Family, frame: Frame, way: st
     problem = {"x": ca.vertcat(*nlp.x), "f": goal, "g": ca.vertcat(*nlp.g), "p": ca.vertcat(*nlp.p)}
     solver = ca.nlpsol("controller", "ipopt", problem, _options(seconds))
     return ControllerStep(graph, family, frame, way, unit, conditions, np.concatenate(nlp.low),
-                          (np.concatenate(nlp.low_g), np.concatenate(nlp.high_g)), solver)
+                          (np.concatenate([np.zeros(0), *nlp.low_g]), np.concatenate([np.zeros(0), *nlp.high_g])), solver)
 
 
 def _numbers(nlp: Nlp, graph: ConditionGraph, frame: Frame, way: str) -> list[Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,7 +11,6 @@ from numpy.typing import ArrayLike
 from inc_casadi.activations import Activation, ReLU
 from inc_casadi.arrays import Array, number
 from inc_casadi.dynamic import DynamicINC, extended, extended_spec
-from inc_casadi.errors import InvalidInputError
 from inc_casadi.estimate import Estimate, estimate
 from inc_casadi.inc import INC
 from inc_casadi.linear.lyapunov import discounted_sum
@@ -22,19 +21,22 @@ from inc_casadi.sets.rules import whole
 from inc_casadi.simulate import simulate
 from inc_casadi.spec import Spec
 
+from .input_box import box_and_limits
 from .training import Training, train
 
 _NODES = 130  # about so many points of quadrature over x_0
 _ROOM = 4.0  # xi may grow to this many times what the start visits before training clips it
 _STEPS, _SEEN, _JUDGED = 50, 300, 5000
+_FAR, _EXCESS = 1e12, 1e-9  # beyond what a state of the controller can come to; what a limit may be exceeded by for rounding
 
 
 @dataclass(frozen=True, eq=False)
 class DynamicTraining:
     """A trained controller with memory; nothing about it is proved but its well-posedness.
 
-    dynamic: the controller, input limits built in; start: what training began with; cost, start_cost: simulated costs of
-    both on the same random initial states, whose `excess` says nothing; training: of the extended law, with history and
+    dynamic: the controller, clipped to its box of inputs, or to the box around a polytope of them; start: what training
+    began with, likewise; cost, start_cost: simulated costs of both on the same random initial states, whose `excess` is the
+    largest H u - h met: for a polytope that it is not above 0 is evidence; training: of the extended law, with history and
     status.
     """
 
@@ -55,13 +57,14 @@ def train_dynamic(plant: Any, spec: Spec, start: DynamicINC, *, order: int | Non
     """Return the controller that one NLP makes of a start with memory: `train` on the extended plant.
 
     min E sum beta^k (x'Q x + u'R u) over all of the law (y, xi) -> (u, xi+), from (x_0, xi_0) with xi_0 as it is. u is
-    clipped to its limits, as in `train`; xi+ to a box of 4 times what the start visits, which keeps the search from running
-    off and is no part of the controller returned. The initial distribution is flat, so its quadrature is that of x_0.
+    clipped to its limits, as in `train`, a polytope to the box around it, its other half-spaces penalized and tightened;
+    xi+ to a box of 4 times what the start visits, which keeps the search from running off and is no part of the controller
+    returned. The initial distribution, of any kind, is flat, so its quadrature is that of x_0.
 
     Parameters
     ----------
     plant : discrete-time Plant or control.StateSpace
-    spec : Spec of the plant, inputs a Box or None
+    spec : Spec of the plant
     start : such as `observer(...)`, perhaps `with_units`; a readout that has its limits built in may keep them
     order : quadrature points per axis of x_0; by default what about 130 nodes allow
     horizon : steps; by default 30
@@ -72,13 +75,14 @@ def train_dynamic(plant: Any, spec: Spec, start: DynamicINC, *, order: int | Non
 
     Raises
     ------
-    InvalidInputError : inputs is a Polytope; as `train`
+    InvalidInputError : as `train`
     DimensionError : as `extended`
 
     Notes
     -----
-    The start is returned where the trained law costs no less on random initial states, or no longer comes to rest while
-    the start does. Rollouts and quadrature see x_0 only through its own rule, so a flat distribution of (x_0, xi_0) is no
+    The start is returned where the trained law costs no less on random initial states, or leaves the limits or no longer
+    comes to rest where the start does neither. Of a start that leaves a polytope the trained law is taken if that keeps it,
+    whatever it costs. Rollouts and quadrature see x_0 only through its own rule, so a flat distribution of (x_0, xi_0) is no
     special case.
 
     Examples
@@ -91,9 +95,6 @@ def train_dynamic(plant: Any, spec: Spec, start: DynamicINC, *, order: int | Non
     True
     """
     plant = as_plant(plant)
-    if spec.inputs is not None and not isinstance(spec.inputs, Box):
-        raise InvalidInputError(f"inputs must be a Box or None, not a {type(spec.inputs).__name__}: the box of (u, xi+) is "
-                                "what keeps the law bounded")
     spec.check(plant)
     wide, law = extended(plant, start)
     memory = _memory(wide, start, spec, seed)
@@ -104,11 +105,11 @@ def train_dynamic(plant: Any, spec: Spec, start: DynamicINC, *, order: int | Non
     found = train(wide, problem, law, order=order, horizon=30 if horizon is None else horizon, terminal=terminal, seed=seed,
                   **options)
     trained = DynamicINC(found.inner, start.xi_0)
-    if spec.inputs is not None:
-        trained, start = (_limited(one, spec.inputs) for one in (trained, start))
-    judged = extended_spec(replace(spec, inputs=None), start)
-    before, after = (estimate(*extended(plant, one), judged, samples=_JUDGED, seed=seed) for one in (start, trained))
-    if not after.mean < before.mean or (before.settled and not after.settled):
+    box = box_and_limits(spec.inputs)[0]
+    if box is not None:
+        trained, start = (_limited(one, box) for one in (trained, start))
+    before, after = (_judged(plant, spec, one, seed) for one in (start, trained))
+    if _ordeal(after) >= _ordeal(before):
         trained, after = start, before
     return DynamicTraining(trained, start, after, before, found)
 
@@ -157,6 +158,18 @@ def _motions(wide: Plant, dynamic: DynamicINC, spec: Spec, seed: int) -> Array:
     with np.errstate(over="ignore", invalid="ignore"):
         seen = simulate(wide, dynamic.law, start, steps=_STEPS).x.reshape(wide.n, -1)
     return seen[:, np.max(np.abs(seen), axis=0) < 1e3 * (1.0 + np.max(np.abs(start)))]
+
+
+def _judged(plant: Plant, spec: Spec, dynamic: DynamicINC, seed: int) -> Estimate:
+    """The simulated cost, with the excess over the limits of u alone: xi may go anywhere."""
+    anywhere = None if spec.inputs is None else Box(np.full(dynamic.order, -_FAR), np.full(dynamic.order, _FAR))
+    wide, law = extended(plant, dynamic)
+    return estimate(wide, law, extended_spec(spec, dynamic, anywhere), samples=_JUDGED, seed=seed)
+
+
+def _ordeal(run: Estimate) -> tuple[bool, bool, float]:
+    """What simulation has against a controller: no rest, a limit exceeded, the cost."""
+    return not run.settled, run.excess > _EXCESS, run.mean
 
 
 def _memory(wide: Plant, dynamic: DynamicINC, spec: Spec, seed: int) -> Box:

@@ -13,11 +13,14 @@ from inc_casadi.certificate import MatrixCertificate
 from .attempts import AS_IT_IS, CERTIFIED, TRAINED, Task, with_room
 from .causes import Cause, first_of
 from .readout import built_in
+from .registry import may_suit
 from .result import Attempt
 
 TIGHTER, SHORTEST = 0.8, 15
 MOST_UNITS = 32
+OTHER_STARTS = (("MPC", AS_IT_IS), ("sector inequality", AS_IT_IS), ("explicit MPC", AS_IT_IS), ("compressed MPC", TRAINED))
 _CALMER = {"clipped gain": "halfway gain", "stabilizing gain": "halfway gain", "halfway gain": "certified linear"}
+_FEWER_CLIPPED = {"clipped LQR": "halfway gain", "clipped gain": "halfway gain", "halfway gain": "static gain"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,7 @@ def repairs(history: Sequence[Done], latest: Sequence[Done]) -> tuple[Task, ...]
     rests on kinks                 other units
     not piecewise affine           ReLU units instead
     no matrix inequality           retrain with the certificate
+    certified, on an ellipsoid     a gain clipped less often, then one that is not clipped at first: its bound is closer
     """
     best = best_certified(history)
     tasks = [_retry(one, best) for one in latest]
@@ -66,16 +70,16 @@ def improvements(history: Sequence[Done]) -> tuple[Task, ...]:
 
 
 def explorations(history: Sequence[Done], template: Task, turn: int) -> tuple[Task, ...]:
-    """Return what else may cost less: other starts first, then more seeds and more units around the best law.
+    """Return what else may cost less: other starts that suit the problem first, then more seeds and more units around the
+    best law.
 
     turn: 1 for the first of such rounds; template: the task whose problem and seed they share.
     """
     fresh = replace(template, way=TRAINED, why="another start")
     tasks: list[Task] = []
     if turn == 1:
-        tasks += [replace(fresh, start="MPC", way=AS_IT_IS), replace(fresh, start="sector inequality", way=AS_IT_IS)]
-        if template.hidden:
-            tasks.append(replace(fresh, start="compressed MPC"))
+        tasks += [replace(fresh, start=name, way=way) for name, way in OTHER_STARTS
+                  if (template.hidden or way == AS_IT_IS) and may_suit(name, template.plant, template.spec)]
     if template.hidden:
         seed = template.seed + turn
         tasks.append(replace(fresh, start="random", seed=seed, label=f"seed {seed}"))
@@ -87,11 +91,19 @@ def explorations(history: Sequence[Done], template: Task, turn: int) -> tuple[Ta
 
 def _retry(one: Done, best: Done | None) -> Task | None:
     verdict = one.attempt.verdict
-    cause = None if verdict is None or verdict.accepted else first_of(verdict.causes)
+    if verdict is not None and verdict.accepted and not verdict.settled:
+        return _bounded_closer(one)
+    cause = None if verdict is None or verdict.settled else first_of(verdict.causes)
     if cause is None:
         return None
     task = _REMEDIES[cause](one, best)
     return None if task is None else replace(task, of=one.task.name, why=cause.value)
+
+
+def _bounded_closer(one: Done) -> Task | None:
+    start = _FEWER_CLIPPED.get(one.task.start) if one.task.way == AS_IT_IS else None
+    return None if start is None else replace(one.task, start=start, label="", of=one.task.name,
+                                              why="an ellipsoid bounds the cost loosely where inputs are clipped")
 
 
 def _tighter(one: Done, _: Done | None) -> Task | None:
@@ -161,7 +173,8 @@ def _widened(best: Done, template: Task, seed: int) -> Task:
     assert best.attempt.inner is not None
     units = min(MOST_UNITS, best.attempt.inner.q + template.hidden)
     law = with_room(best.attempt.inner, replace(template, hidden=units, seed=seed))
-    return replace(template, start=f"from ({best.task.name})", law=law, way=TRAINED, seed=seed, label=f"{law.q} units",
+    root = best.task.start if best.task.start.startswith("from (") else f"from ({best.task.name})"
+    return replace(template, start=root, law=law, way=TRAINED, seed=seed, label=f"{law.q} units",
                    of=best.task.name, why="more units, all that is found so far kept")
 
 

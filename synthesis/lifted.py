@@ -16,7 +16,7 @@ from .rollout import Motion, Parameters, Scenario, hidden, roll
 
 LEVELS = (0.1, 0.01, 0.001)
 _POOR = 4.0  # a start this many times above the cost scale is left for the motion of a given gain
-_OUTSIDE = 100.0  # the worth of a law: its cost and this many times the cost scale at once the states' size outside
+_OUTSIDE = 100.0  # the worth of a law: its cost and this many times the cost scale at once the size of a set outside
 _BARRIER, _WARM = 1e-2, 1e-4  # IPOPT's first barrier parameter, from a start and from the level before
 # Scaling by a maximal matching makes MUMPS delay the pivots of the fixed points: some factorizations take 30 times longer.
 _MUMPS = {"ipopt.mumps_permuting_scaling": 0, "ipopt.mumps_pivot_order": 5}
@@ -47,7 +47,7 @@ def minimize_lifted(objective: Objective, start: Parameters, *, readout: bool = 
 
     Notes
     -----
-    One factorization takes of the order of S (q + m + n) P^2 operations, with P ~ 2 q^2 entries of the law and S scenario
+    One factorization takes of the order of S (q + m + n) P^2 operations, with P ~ q^2 entries of the law and S scenario
     stages: a form for q up to about 16.
     """
     form = Lifted(objective.scenario, objective.layout, objective.scale, readout, states)
@@ -82,7 +82,7 @@ def _solve(form: Lifted, level: float, point: dict[str, Any], iterations: int,
         nonlocal late
         law = form.layout.parameters(variables[:form.layout.size])
         motion = roll(form.scenario, law)
-        track.note(law, motion.cost, motion.cost + _OUTSIDE * form.scale * outside(form.states, motion))
+        track.note(law, motion.cost, motion.cost + _OUTSIDE * form.scale * outside(form, motion))
         late = track.late
         stop.requested = stop.requested or late
 
@@ -97,13 +97,14 @@ def _solve(form: Lifted, level: float, point: dict[str, Any], iterations: int,
     return ("time limit" if late else status), found
 
 
-def outside(states: tuple[Array, Array] | None, motion: Motion) -> float:
-    """Return how far a motion leaves G x <= g after its first state, as a share of the larger of |g| and 1."""
-    if states is None:
-        return 0.0
-    G, g = states
-    excess = np.max((motion.x[1:] @ G.T - g) / np.maximum(np.abs(g), 1.0), initial=0.0)
-    return float(excess) if np.isfinite(excess) else np.inf
+def outside(form: Lifted, motion: Motion) -> float:
+    """Return how far a motion leaves H u <= h and, after its first state, G x <= g: a share of the larger of |g| and 1."""
+    pairs = [(motion.u, form.scenario.H, form.scenario.h)]
+    if form.states is not None:
+        pairs.append((motion.x[1:], *form.states))
+    shares = [(points @ rows.T - sides) / np.maximum(np.abs(sides), 1.0) for points, rows, sides in pairs]
+    excess = max(float(np.max(share, initial=0.0)) for share in shares)
+    return excess if np.isfinite(excess) else np.inf
 
 
 def _begin(objective: Objective, law: Parameters, gain: Array | None) -> Motion:

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from inc_casadi.activations.stack import Units, groups
 from inc_casadi.arrays import Array
-from inc_casadi.graph import activation_graph
+from inc_casadi.graph import units_graph
 
 from .ipopt import ca
 from .objective import Layout
@@ -20,13 +19,15 @@ from .stagewise import Copies, Spread, Stage, Stagewise
 class Lifted:
     """The lifted form of a scenario over a layout.
 
-    Variables: those of the layout; d and z_0, the preactivation at y = 0, when the law is anchored; then, scenario by
-    scenario and stage by stage, z_k (q,), v_k (m,) and x_{k+1} (n,). With eta = phi(z) written out, the constraints are
+    Variables: those of the layout; W itself, where it is trained; d and z_0, the preactivation at y = 0, when the law is
+    anchored; then, scenario by scenario and stage by stage, z_k (q,), v_k (m,) and x_{k+1} (n,). With eta = phi(z) written
+    out, the constraints are
 
         W eta_k + U C x_k + b = z_k,   K C x_k + V eta_k + d = v_k,   A x_k + B u_k = x_{k+1},
 
     H u_k <= h, G x_{k+1} <= g, and the same without x for z_0: W eta_0 + b = z_0, V eta_0 + d = 0. W = W+ - W- with
-    W+, W- >= 0 and row sums of W+ + W- at most kappa: this is -S <= W <= S, S 1 <= kappa with S = W+ + W-. Where
+    W+, W- >= 0 and row sums of W+ + W- at most kappa: this is -S <= W <= S, S 1 <= kappa with S = W+ + W-. W is a variable
+    of its own so that what is dense in the equations of a step has the size of W, not of W+ and W- together. Where
     `readout`, u_k = clip(v_k), and else u_k = v_k, bounded. Piecewise-affine phi and the clip are rounded over a width
     `smoothing` (in units of z, and of half the input range); smooth phi is exact. Everything is linear in the law.
 
@@ -40,9 +41,15 @@ class Lifted:
     states: tuple[Array, Array] | None
 
     @property
+    def entries(self) -> int:
+        """Number of entries of W that are variables: q^2, or none."""
+        return self.layout.rows.shape[0] ** 2
+
+    @property
     def head(self) -> int:
         """Number of variables before those of the stages."""
-        return self.layout.size + (self.scenario.B.shape[1] + self.scenario.q if self.scenario.anchored else 0)
+        anchor = self.scenario.B.shape[1] + self.scenario.q if self.scenario.anchored else 0
+        return self.layout.size + self.entries + anchor
 
     @property
     def body(self) -> np.ndarray:
@@ -55,17 +62,28 @@ class Lifted:
         """Return the NLP with kinks rounded over this width."""
         scenario, layout = self.scenario, self.layout
         stages = self._stages(smoothing)
-        size, m, P = self.head + self.body.size, scenario.B.shape[1], layout.fixed.size
-        row, column, factor, copies = layout.index, np.arange(layout.size), layout.factor, [stages]
+        size, m, P, after = self.head + self.body.size, scenario.B.shape[1], layout.fixed.size, layout.size + self.entries
+        kept = np.r_[0:self.entries, 2 * self.entries:layout.size]  # W, which stands where W+ did, and all but W+ and W-
+        row, factor, copies = layout.index[kept], layout.factor[kept], [stages]
+        column = np.concatenate([layout.size + kept[:self.entries], kept[self.entries:]])
         fixed = layout.fixed.copy()
         if scenario.anchored:
-            row, column = np.append(row, np.arange(P - m, P)), np.append(column, layout.size + np.arange(m))
+            row, column = np.append(row, np.arange(P - m, P)), np.append(column, after + np.arange(m))
             factor, fixed[P - m:] = np.append(factor, np.ones(m)), 0.0
-            z0 = np.arange(layout.size + m, self.head)[:, None]
+            z0 = np.arange(after + m, self.head)[:, None]
             copies.append(Copies(self._anchor(smoothing), z0, np.zeros(z0.shape), np.zeros((0, 1)), stages.rows.size))
-        rows, columns = np.nonzero(layout.rows)
-        norms = ca.DM.triplet(rows.tolist(), columns.tolist(), ca.DM(layout.rows[rows, columns]), layout.rows.shape[0], size)
-        return Stagewise(size, Spread(fixed, row, column, factor), tuple(copies), norms)
+        return Stagewise(size, Spread(fixed, row, column, factor), tuple(copies), self._linear(size))
+
+    def _linear(self, size: int) -> ca.DM:
+        """Return the rows of W - W+ + W- = 0 and of the row sums."""
+        rows, columns = np.nonzero(self.layout.rows)
+        i = np.arange(self.entries)
+        one = np.ones(i.size)
+        parts = [(i, i, -one), (i, self.entries + i, one), (i, self.layout.size + i, one),
+                 (self.entries + rows, columns, self.layout.rows[rows, columns])]
+        row, column, value = (np.concatenate(part) for part in zip(*parts, strict=True))
+        shape = (self.entries + self.layout.rows.shape[0], size)
+        return ca.DM.triplet(row.tolist(), column.tolist(), ca.DM(value), *shape)
 
     def bounds(self) -> dict[str, Array]:
         """Return the bounds of variables and constraints by `nlpsol`'s names."""
@@ -79,10 +97,11 @@ class Lifted:
             lower[v], upper[v] = scenario.lower, scenario.upper
         sides = np.concatenate([np.zeros(q + m + n), scenario.h, np.zeros(0) if self.states is None else self.states[1]])
         open_below = np.where(np.arange(sides.size) < q + m + n, 0.0, -np.inf)
-        many, anchor, norms = len(self.body), np.zeros(q + m if scenario.anchored else 0), layout.rows.shape[0]
+        many, norms = len(self.body), layout.rows.shape[0]
+        zero = np.zeros(self.entries + (q + m if scenario.anchored else 0))  # of the law at y = 0 and of the parts of W
         return {"lbx": lower, "ubx": upper,
-                "lbg": np.concatenate([np.tile(open_below, many), anchor, np.full(norms, -np.inf)]),
-                "ubg": np.concatenate([np.tile(sides, many), anchor, np.full(norms, layout.kappa)])}
+                "lbg": np.concatenate([np.tile(open_below, many), zero, np.full(norms, -np.inf)]),
+                "ubg": np.concatenate([np.tile(sides, many), zero, np.full(norms, layout.kappa)])}
 
     def point(self, x: Array, law: Parameters, motion: Motion) -> Array:
         """Return all variables for those of the layout, which stand for `law`, along a motion, perhaps of another law.
@@ -93,7 +112,8 @@ class Lifted:
         anchor = [-(law.V @ motion.origin_eta), law.W @ motion.origin_eta + law.b] if self.scenario.anchored else []
         z = motion.eta @ law.W.T + motion.x[:T] @ self.scenario.C.T @ law.U.T + law.b
         body = np.concatenate([z, motion.v, motion.x[1:]], axis=2)
-        return np.concatenate([x, *anchor, np.swapaxes(body, 0, 1).ravel()])
+        W = x[:self.entries] - x[self.entries:2 * self.entries]
+        return np.concatenate([x, W, *anchor, np.swapaxes(body, 0, 1).ravel()])
 
     def _stages(self, smoothing: float) -> Copies:
         scenario, T = self.scenario, self.scenario.steps
@@ -114,7 +134,7 @@ class Lifted:
         theta, data = ca.SX.sym("theta", self.layout.fixed.size), ca.SX.sym("data", 3)
         x, z, v, after = (ca.SX.sym(name, size) for name, size in (("x", n), ("z", scenario.q), ("v", m), ("after", n)))
         W, U, V, K, b, d = self._matrices(theta)
-        eta, y = rounded(scenario.units, z, smoothing), ca.DM(scenario.C) @ x
+        eta, y = units_graph(scenario.units, z, smoothing), ca.DM(scenario.C) @ x
         u = rounded_clip(v, scenario.lower, scenario.upper, smoothing) if self.readout else v
         residuals = [W @ eta + U @ y + b - z, K @ y + V @ eta + d - v, ca.DM(scenario.A) @ x + ca.DM(scenario.B) @ u - after]
         if scenario.h.size:
@@ -128,7 +148,7 @@ class Lifted:
     def _anchor(self, smoothing: float) -> Stage:
         theta, z = ca.SX.sym("theta", self.layout.fixed.size), ca.SX.sym("z", self.scenario.q)
         W, _, V, _, b, d = self._matrices(theta)
-        eta = rounded(self.scenario.units, z, smoothing)
+        eta = units_graph(self.scenario.units, z, smoothing)
         return Stage(theta, z, ca.SX(0, 1), ca.SX(1, 1), ca.vertcat(W @ eta + b - z, V @ eta + d))
 
     def _matrices(self, theta: ca.SX) -> list[ca.SX]:
@@ -137,20 +157,6 @@ class Lifted:
         parts = [theta[low:high] for low, high in zip(ends[:-1], ends[1:], strict=True)]
         return [ca.reshape(part, shape[1], shape[0]).T if len(shape) == 2 else part
                 for part, shape in zip(parts, shapes, strict=True)]
-
-
-def rounded(units: Units, z: ca.SX, smoothing: float) -> ca.SX:
-    """Return phi(z) with kinks rounded, see `activation_graph`.
-
-    >>> from inc_casadi.activations import ReLU, Tanh
-    >>> float(rounded((ReLU(), Tanh()), ca.DM([1e3, 0.0]), 0.1)[0]) > 999.9
-    True
-    """
-    if not units:
-        return z
-    parts = [(rows, activation_graph(unit, z[rows.tolist()], smoothing)) for unit, rows in groups(units)]
-    order = np.argsort(np.concatenate([rows for rows, _ in parts]))
-    return ca.vertcat(*[part for _, part in parts])[order.tolist()]
 
 
 def rounded_clip(v: ca.SX, lower: Array, upper: Array, smoothing: float) -> ca.SX:

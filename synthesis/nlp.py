@@ -9,20 +9,22 @@ import numpy as np
 
 from inc_casadi import graph
 from inc_casadi.arrays import Array
+from inc_casadi.errors import InvalidInputError
 from inc_casadi.plant import Plant
 
 from .ipopt import Stop, Watch, ca, nowhere, options, run
-from .objective import Layout, Objective
+from .objective import Layout, Minimand, Objective
 from .outcome import Outcome, Progress, Track
 from .rollout import Parameters
 
 
-def minimize(objective: Objective, start: Parameters, *, method: str = "adjoint", hessian: str = "gauss-newton",
+def minimize(objective: Minimand, start: Parameters, *, method: str = "adjoint", hessian: str = "gauss-newton",
              max_iterations: int = 100, time_limit: float | None = None, progress: Progress | None = None) -> Outcome:
     """Return the best law that IPOPT finds from a start, within the layout of the objective.
 
     method: "adjoint" evaluates in NumPy through CasADi callbacks, "graph" in the CasADi graph alone; hessian:
     "gauss-newton" (adjoint only) or "limited-memory"; progress is called with (iteration, cost J, seconds).
+    Raises InvalidInputError where "graph" is asked for anything but an `Objective`: no other has a graph.
 
     A solver that fails is no error: the best accepted iterate comes back with the status. A KeyboardInterrupt ends the
     search with the status "interrupted"; any other exception of `progress` is passed on.
@@ -30,6 +32,7 @@ def minimize(objective: Objective, start: Parameters, *, method: str = "adjoint"
     layout, stop, track = objective.layout, Stop(), Track(progress)
     x = ca.MX.sym("x", layout.size)
     calls = _callbacks(objective, stop)
+    value = _graph_of(objective, x) if method == "graph" else calls["value"](x)
 
     def seen(point: Array, value: float) -> None:
         track.note(layout.parameters(point), objective.scale * float(np.expm1(value)))
@@ -43,13 +46,18 @@ def minimize(objective: Objective, start: Parameters, *, method: str = "adjoint"
         chosen["hess_lag"] = calls["hessian"]
     else:
         chosen |= {"ipopt.hessian_approximation": "limited-memory", "ipopt.limited_memory_max_history": 20}
-    problem = {"x": x, "f": graph_value(objective, x) if method == "graph" else calls["value"](x),
-               "g": ca.sparsify(ca.DM(layout.rows)) @ x}
+    problem = {"x": x, "f": value, "g": ca.sparsify(ca.DM(layout.rows)) @ x}
     arguments = {"x0": layout.start(start), "lbx": layout.lower, "lbg": -np.inf, "ubg": layout.kappa}
     status, _ = run(problem, chosen, arguments, stop)
     if stop.failure is not None:
         raise stop.failure
     return track.outcome(start, status)
+
+
+def _graph_of(objective: Minimand, x: ca.MX) -> ca.MX:
+    if not isinstance(objective, Objective):
+        raise InvalidInputError(f"a {type(objective).__name__} has no graph: its method is 'adjoint'")
+    return graph_value(objective, x)
 
 
 def graph_value(objective: Objective, x: ca.MX) -> ca.MX:
@@ -101,7 +109,7 @@ def _dense(rows: int, columns: int = 1) -> ca.Sparsity:
     return ca.Sparsity.dense(rows, columns)
 
 
-def _callbacks(objective: Objective, stop: Stop) -> dict[str, _Call]:
+def _callbacks(objective: Minimand, stop: Stop) -> dict[str, _Call]:
     size = objective.layout.size
     x, one = _dense(size), _dense(1)
     slope = _Call("gradient", lambda x, _: objective.gradient(x.ravel())[None], [x, one], _dense(1, size), stop)

@@ -37,8 +37,17 @@ def no_stabilizing_gain(plant: Plant) -> str:
     if any(_is_hurwitz([_at(coefficient, f, 1) for coefficient in q]) for f in samples):
         return ""
     return ("no static gain u = f y stabilizes this plant (exact Hurwitz determinants, all f), so no static law that is "
-            "differentiable at its equilibrium makes motions converge exponentially: measure more, or use a controller with "
-            "states of its own")
+            "differentiable at its equilibrium makes motions converge exponentially: measure more, or " + with_memory())
+
+
+def with_memory() -> str:
+    """Return where controllers with states of their own are, in words.
+
+    >>> with_memory().split(" (")[0]
+    'give the controller memory with inc_casadi.dynamic'
+    """
+    return ("give the controller memory with inc_casadi.dynamic (observer, DynamicINC, certify_dynamic) and improve it by "
+            "synthesis.dynamic_training.train_dynamic")
 
 
 def _characteristic(plant: Plant) -> tuple[Poly, Poly]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -84,6 +85,25 @@ def unflat(theta: Array, shapes: Sequence[tuple[int, ...]]) -> Parameters:
     """
     ends = np.cumsum([int(np.prod(shape)) for shape in shapes])
     return Parameters(*(part.reshape(shape) for part, shape in zip(np.split(theta, ends[:-1]), shapes, strict=True)))
+
+
+class Minimand(Protocol):
+    """What `nlp.minimize` asks of a goal: log(1 + J / scale) over the variables x of a layout, with derivatives.
+
+    `Objective` answers to it, and so does `violation.Penalized`.
+    """
+
+    layout: Layout
+    scale: float
+
+    def value(self, x: Array) -> float:
+        """Return log(1 + J / scale), NaN where J is not finite."""
+
+    def gradient(self, x: Array) -> Array:
+        """Return the gradient (nx,)."""
+
+    def hessian(self, x: Array) -> Array:
+        """Return a positive definite model of the Hessian (nx, nx)."""
 
 
 class Objective:

@@ -14,20 +14,22 @@ from inc_casadi.arrays import Array
 from .objective import Objective
 from .outcome import Outcome
 from .rollout import Parameters, Scenario, roll
-from .training_setup import COARSE, FINE, LIFTED_COARSE, LIFTED_FINE, Setup
+from .training_nodes import COARSE, FINE, LIFTED_COARSE, LIFTED_FINE
+from .training_setup import Setup
 
-FORMS = ("shooting", "lifted", "projected")
+FORMS = ("auto", "shooting", "lifted", "projected")
 SHORT_HORIZON, SHORT_ITERATIONS = 2, 40
 _POOR = 4.0  # a start this many times above the cost without input limits is first brought near by a short horizon
 _BACKOFF, _TIGHTENED = 1.2, 3  # half-spaces are tightened by this much of the violation seen, at most so many times
+_MOST_MARGIN = 0.05  # of the lifted form, as a share of the sets' size
 _CHEAPER = 5  # steps of projected gradients for one of IPOPT
 
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """How the NLP is written and solved: see `train` for the options."""
+    """How the NLP is written and solved: see `train` for the options. "auto" is settled before a search begins."""
 
-    name: str = "shooting"
+    name: str = "auto"
     method: str = "adjoint"
     hessian: str = "auto"
     steps: str = "spectral"
@@ -60,7 +62,7 @@ class Search:
     def run(self, law: Parameters) -> list[Parameters]:
         """Return the laws that the phases end with, each phase beginning where the last one ended."""
         laws: list[Parameters] = []
-        margin = np.zeros(self.setup.rows)
+        margin, beside = np.zeros(self.setup.rows), np.zeros((self.setup.plant.n, 0))
         coarse, fine = self.form.budgets
         fewer = (self.max_iterations + 1) // 2
         phases = [("coarse", coarse, self.max_iterations), ("fine", fine, fewer)]
@@ -73,18 +75,22 @@ class Search:
         for name, budget, iterations in phases:
             if self.status == "interrupted" or iterations == 0 or self.seconds >= self.limit:
                 break
-            found = self.setup.settled(self._phase(name, budget, margin, law, iterations))
+            found = self.setup.settled(self._phase(name, budget, margin, beside, law, iterations))
             if name == "short" and np.isfinite(begun) and roll(self.setup.scenario(coarse), found).cost >= begun:
                 continue
             law = found
             laws.append(law)
             excess = self.setup.judge(law)[1]
             margin = margin + _BACKOFF * np.maximum(excess, 0.0)
+            if self.form.name == "lifted" and self.setup.rows:
+                # A hard constraint is met at its nodes: what fails between them is cured by nodes there, hardly by margins.
+                margin = np.minimum(margin, _MOST_MARGIN * self.setup.reach)
+                beside = np.unique(np.hstack([beside, self.setup.worst_starts(law)]), axis=1)
             if name in ("fine", "tightened") and np.all(excess <= 0.0):
                 break
         return laws
 
-    def _phase(self, name: str, budget: int, margin: Array, law: Parameters, iterations: int) -> Parameters:
+    def _phase(self, name: str, budget: int, margin: Array, beside: Array, law: Parameters, iterations: int) -> Parameters:
         begun = self.seconds
 
         def row(iteration: int, cost: float, seconds: float) -> dict[str, Any]:
@@ -94,16 +100,16 @@ class Search:
             if self.progress is not None:
                 self.progress(row(iteration, cost, seconds))
 
-        outcome = self._solved(name, budget, margin, law, max_iterations=iterations, progress=report,
+        outcome = self._solved(name, budget, margin, beside, law, max_iterations=iterations, progress=report,
                                time_limit=None if np.isinf(self.limit) else self.limit - begun)
         self.status = outcome.status
         self.history += [row(*values) for values in outcome.history]
         return outcome.law
 
-    def _solved(self, name: str, budget: int, margin: Array, law: Parameters, **options: Any) -> Outcome:
+    def _solved(self, name: str, budget: int, margin: Array, beside: Array, law: Parameters, **options: Any) -> Outcome:
         inputs, states = self.setup.split(margin)
         if self.form.name == "lifted":
-            return self._lifted(name, budget, inputs, states, law, **options)
+            return self._lifted(name, budget, inputs, states, beside, law, **options)
         scenario = self.setup.scenario(budget, inputs, SHORT_HORIZON if name == "short" else None)
         if self.form.name == "projected":
             from .projected import descend
@@ -117,11 +123,12 @@ class Search:
             hessian = "limited-memory" if sketch is None else "gauss-newton"
         return minimize(self._objective(scenario, sketch), law, method=self.form.method, hessian=hessian, **options)
 
-    def _lifted(self, name: str, budget: int, inputs: Array, states: Array, law: Parameters, **options: Any) -> Outcome:
+    def _lifted(self, name: str, budget: int, inputs: Array, states: Array, beside: Array, law: Parameters,
+                **options: Any) -> Outcome:
         from .lifted import LEVELS, minimize_lifted
 
         pair, hard = self.setup.states, self.setup.rows > 0 or not self.form.readout
-        scenario = self.setup.scenario(budget, inputs, corners=hard)
+        scenario = self.setup.scenario(budget, inputs, corners=hard, beside=beside)
         return minimize_lifted(self._objective(scenario), law, readout=self.form.readout, gain=self.setup.gain,
                                states=None if pair is None else (pair[0], pair[1] - states),
                                levels=LEVELS if name == "coarse" else LEVELS[1:], **options)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
+from threading import Event, Thread
 
 import numpy as np
 
 from inc_casadi.figures import at_least, at_most
 
 from .result import Attempt
+
+SILENCE = 5.0  # seconds after which a long task is said to go on
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,10 +33,43 @@ class Progress:
         """Seconds since the call began."""
         return time.monotonic() - self.began
 
+    @property
+    def is_late(self) -> bool:
+        """Whether the budget is used up."""
+        return self.elapsed >= self.seconds
+
+    def share(self, part: float) -> float | None:
+        """Return a part of the budget in seconds, no more than what is left of it; None where there is no budget.
+
+        >>> Progress(False).share(0.1), Progress(False, seconds=20.0).share(0.1)
+        (None, 2.0)
+        """
+        return max(0.0, min(part * self.seconds, self.seconds - self.elapsed)) if np.isfinite(self.seconds) else None
+
     def say(self, line: str) -> None:
         """Print a line at once."""
         if self.verbose:
             print(f"[{self.elapsed:5.1f} s] {line}", flush=True)
+
+    @contextmanager
+    def during(self, what: str) -> Iterator[None]:
+        """Say every few seconds, while a block works, that it still does."""
+        if not self.verbose:
+            yield
+            return
+        over, since = Event(), self.elapsed
+
+        def beat() -> None:
+            while not over.wait(SILENCE):
+                self.say(f"still at it for {self.elapsed - since:.0f} s: {what}")
+
+        beating = Thread(target=beat, daemon=True)
+        beating.start()
+        try:
+            yield
+        finally:
+            over.set()
+            beating.join()
 
     def trying(self, names: list[str], best: float, floor: float) -> None:
         """Say what is tried next, and how the search stands."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from math import inf
 from types import MappingProxyType
 from typing import Any
 
@@ -13,7 +14,8 @@ from inc_casadi import INC, Box, Plant, Spec
 from inc_casadi.activations import Activation
 from inc_casadi.arrays import Array
 from inc_casadi.claims import DiscountedCost
-from inc_casadi.errors import InvalidInputError
+from inc_casadi.errors import ConvergenceError, INCError, InvalidInputError
+from inc_casadi.inc import inner_half
 from inc_casadi.linear.regulator import discounted_lqr
 from inc_casadi.linear.static_gain import best_static_gain
 
@@ -21,6 +23,7 @@ from .starts.linear_feedback import stabilizing_gain
 from .starts.random_start import linear_start, random_start
 
 MOST_MPC_UNITS = 40
+MOST_EXPLICIT_STATES, EXPLICIT_PIECES, EXPLICIT_HORIZONS = 3, 20_000, (5, 4, 3, 2, 1)
 IMITATION = 30  # iterations of each fit of a compressed law
 
 Start = Callable[[Plant, Spec, int, Activation, float, int], INC]
@@ -28,6 +31,26 @@ Start = Callable[[Plant, Spec, int, Activation, float, int], INC]
 
 The law's input limits may be built in or not: what is missing is added by whoever uses it.
 """
+
+
+def may_suit(name: str, plant: Plant, spec: Spec) -> bool:
+    """Return whether a start may apply, judged at once: what is refused for sure is not worth an attempt.
+
+    >>> spec = Spec([[1.0]], [[1.0]], 0.9, Box([-1.0], [1.0]), Box([-1.0], [1.0]))
+    >>> may_suit("MPC", Plant([[1.5]], [[1.0]]), spec), may_suit("sector inequality", Plant([[1.5]], [[1.0]]), spec)
+    (True, False)
+    """
+    from .starts.lure import costs_without_end
+    from .starts.predictive import why_not
+
+    if name in ("MPC", "explicit MPC", "compressed MPC"):
+        few = name != "explicit MPC" or plant.n <= MOST_EXPLICIT_STATES
+        return few and not why_not(plant, spec, MOST_MPC_UNITS)
+    if name == "sector inequality":
+        state = plant.p == plant.n and np.linalg.matrix_rank(plant.C) == plant.n
+        return state and (spec.inputs is None or isinstance(spec.inputs, Box) and not np.any(inner_half(spec.inputs)[0])
+                          and not costs_without_end(plant, spec.discount))
+    return True
 
 
 def lqr_gain(plant: Plant, spec: Spec) -> Array:
@@ -91,6 +114,21 @@ def _predictive(plant: Plant, spec: Spec, *_: Any) -> INC:
     return predictive_start(plant, spec, MOST_MPC_UNITS).inc
 
 
+def _explicit(plant: Plant, spec: Spec, *_: Any) -> INC:
+    """The longest horizon up to that of "MPC" whose regions are few."""
+    from .starts.explicit import explicit_start
+    from .starts.predictive import predictive_start
+
+    longest = predictive_start(plant, spec, MOST_MPC_UNITS).horizon
+    reason: INCError = InvalidInputError(f"explicit MPC has too many regions with {plant.n} states")
+    for horizon in [N for N in EXPLICIT_HORIZONS if N <= longest] if plant.n <= MOST_EXPLICIT_STATES else []:
+        try:
+            return explicit_start(plant, spec, horizon, MOST_MPC_UNITS, seconds=inf, pieces=EXPLICIT_PIECES).inc
+        except (InvalidInputError, ConvergenceError) as error:
+            reason = error
+    raise reason
+
+
 def _compressed(plant: Plant, spec: Spec, hidden: int, activation: Activation, kappa: float, seed: int) -> INC:
     from .compression import compress
 
@@ -107,6 +145,7 @@ STARTS: Mapping[str, Start] = MappingProxyType({
     "certified linear": _certified,                   # the best of several such means that the gate certifies
     "sector inequality": _sector_feedback,            # certified in the same convex program that finds it
     "MPC": _predictive,                               # model predictive control, exactly, limits built in
+    "explicit MPC": _explicit,                        # its regions on a box of states, as a network without loops
     "compressed MPC": _compressed,                    # a few units that imitate it
     "random": random_start,
 })

@@ -57,11 +57,13 @@ def with_certificate(plant: Plant, spec: Spec, inc: INC, kappa: float, iteration
 def penalized(plant: Plant, spec: Spec, inc: INC, tried: MatrixCertificate, kappa: float, iterations: int,
               seconds: float, seed: int, frozen: Sequence[str] = ()) -> INC:
     """Return what training makes of a law when the violation nu at a certificate's numbers is penalized."""
+    from .ball import balanced, row_bound
     from .condition_graph import condition_graph
     from .nlp import minimize
     from .objective import Objective
     from .rollout import Parameters
-    from .training_setup import COARSE, balanced, row_bound, setup
+    from .training_nodes import COARSE
+    from .training_setup import setup
     from .violation import Penalized, violation_at
 
     start = balanced(inc, row_bound(inc.activations, kappa))
@@ -74,8 +76,8 @@ def penalized(plant: Plant, spec: Spec, inc: INC, tried: MatrixCertificate, kapp
     nu = max(violation_at(graph, start, values)[0], 1e-12)
     objective = Penalized(Objective(problem.scenario(COARSE), problem.layout, problem.scale), graph, values,
                           rho=PENALTY * problem.scale / nu**2, margin=MARGIN * nu)
-    outcome = minimize(objective, Parameters.of(start), hessian="gauss-newton",  # type: ignore[arg-type]
-                       max_iterations=iterations, time_limit=seconds)
+    outcome = minimize(objective, Parameters.of(start), hessian="gauss-newton", max_iterations=iterations,
+                       time_limit=seconds)
     return problem.inner(problem.settled(outcome.law))
 
 

@@ -132,21 +132,28 @@ def _attempts(tasks: tuple[Task, ...], history: list[Done], goal: Goal, executor
             if history and goal.is_late:
                 return
             say([task.name])
-            yield attempt(task)
+            with progress.during(task.name):
+                one = attempt(task)
+            yield one
         return
     say([task.name for task in tasks])
     futures = [executor.submit(attempt, task) for task in tasks]
     try:
-        yield from _in_order(futures, goal)
+        for future in futures:
+            with progress.during(f"{sum(not one.done() for one in futures)} attempts"):
+                made = _result(future, goal)
+            if made is None:
+                return
+            yield made
     finally:
         for future in futures:
             future.cancel()
 
 
-def _in_order(futures: list[Future[Attempt]], goal: Goal) -> Iterator[Attempt]:
-    for future in futures:
-        left = None if np.isinf(goal.until) else max(0.0, goal.until - time.time()) + GRACE
-        try:
-            yield future.result(timeout=left)
-        except FutureTimeout:
-            return
+def _result(future: Future[Attempt], goal: Goal) -> Attempt | None:
+    """What came of an attempt elsewhere, None where it is late."""
+    left = None if np.isinf(goal.until) else max(0.0, goal.until - time.time()) + GRACE
+    try:
+        return future.result(timeout=left)
+    except FutureTimeout:
+        return None

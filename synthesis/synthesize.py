@@ -3,36 +3,34 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
-from inc_casadi import INC, Plant, ReLU, Spec, bounds
+from inc_casadi import INC, Plant, ReLU, Spec
 from inc_casadi.activations import Activation
 from inc_casadi.arrays import number
-from inc_casadi.bounds import Bound
 from inc_casadi.certificate import Certificate, Proof
-from inc_casadi.errors import DimensionError, INCError, InfeasibleError, InvalidInputError, NotStabilizableError
+from inc_casadi.errors import InvalidInputError
 from inc_casadi.estimate import Estimate, estimate
-from inc_casadi.figures import at_least
-from inc_casadi.plant import as_plant
+from inc_casadi.regional_certificate import RegionalCertificate
 from inc_casadi.sets.rules import whole
 
 from .attempts import plan
-from .competitors import linear_competitors
+from .door import check, given_laws, names_in, problem
+from .door import training_options as checked_options
 from .followups import Done, best_certified
-from .no_gain import no_stabilizing_gain
+from .lower_bounds import competitors, floor, lower_bounds
+from .no_gain import no_stabilizing_gain, with_memory
 from .phases import FORMS
 from .progress import Progress, counted
 from .registry import STARTS
 from .result import Attempt, Result
 from .rounds import Goal, search
 
-CELLS = 3_000
-ANY = "any controller"
 MATRICES = ("W", "U", "V", "K", "b", "d")
 
 
@@ -40,7 +38,8 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
                seed: int = 0, executor: Executor | None = None, verbose: bool = True, training_seconds: float = 10.0,
                training_iterations: int = 60, seconds: float | None = None, rounds: int | None = None, tol: float = 1e-3,
                start: INC | Sequence[INC] = (), starts: Sequence[str] | None = None,
-               frozen: Sequence[str] = (), form: str = "shooting") -> Result:
+               frozen: Sequence[str] = (), form: str = "auto", training_options: Mapping[str, Any] | None = None,
+               period: float | None = None, proof_seconds: float | None = None) -> Result:
     """Return a static controller for the plant with proof, or with an honest word on why there is none.
 
     Algorithm 1 of the paper. Candidates start from the clipped discounted LQR (or static output gains) and from random
@@ -52,7 +51,7 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
 
     Parameters
     ----------
-    plant : a discrete-time Plant or control.StateSpace
+    plant : Plant or control.StateSpace, in discrete time, or in continuous time with `period`
     spec : the cost, initial distribution and input limits
     hidden : hidden units of the trained law, 0 for none
     activation : of those units, ReLU when left out
@@ -63,18 +62,24 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
         cluster by client.get_executor(), do not wait
     verbose : a line for each thing that is tried, with best certified cost, lower bound, gap and time left
     training_seconds : what one training and one proof may take
+    proof_seconds : what the rigorous proof at the end may take where pieces are settled, without limit when left out; one
+        that runs out of time is none, and the result then holds in floating point only
     training_iterations : of IPOPT on the coarse nodes, and rounds of one BMI loop
-    seconds : budget for the search, counted from the call; the first start is always judged, and the last proof comes on
-        top. With it or with `rounds` the search goes on where nothing was refused: other starts (MPC, laws compressed from
-        it, certified feedback, more seeds), more units
+    seconds : budget for bounds and search, counted from the call: bounds take up to 0.45 of it and then stand as they are.
+        The first start is always judged, and the last proof comes on top. With it or with `rounds` the search goes on where
+        nothing was refused: other starts (MPC, laws compressed from it, certified feedback, more seeds), more units
     rounds : the most rounds of attempts. Without both, one, and up to two rounds of retries of what was refused
     tol : nothing more is tried within this share of the lower bound; 0 for never
     start : a law to begin with besides, or several: a former result's `inc`, say
     starts : names in `registry.STARTS` that are tried instead of those that suit the problem
     frozen : names among W, U, V, K, b, d that training leaves as the start has them: ("W", "K") with starts=["random"] gives
         a network with feedback among its units and no linear path beside it
-    form : of the training program, as `train` has it: "shooting", "lifted" (up to about 8 units), or "projected", the
-        paper's projected gradient, which is quick per step and takes many units
+    form : of the training program, as `train` has it: "shooting", "lifted" (up to about 8 units), "projected", the paper's
+        projected gradient, which is quick per step and takes many units, or "auto"
+    training_options : further options of `train` by name: hessian, method, steps, readout, states, terminal, order, ...;
+        states is evidence, for no proof here speaks of it
+    period : seconds between samples of a continuous plant, whose input is held in between; Q, R and discount of the spec
+        are then per second. `plant` and `spec` of the result are the sampled ones, as is every cost
 
     Notes
     -----
@@ -98,104 +103,48 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
     ('certified', 0.358333, 0.358333)
     """
     progress, began = Progress(verbose, np.inf if seconds is None else number("seconds", seconds, 0.0)), time.time()
-    plant = as_plant(plant)
+    posed = problem(plant, spec, period)
+    plant, spec, notes = posed.plant, posed.spec, [posed.note] if posed.note else []
     activation = ReLU() if activation is None else activation
-    _check(plant, spec, hidden, activation, kappa)
-    given, names = _given(plant, start), _named("starts", starts, STARTS)
+    check(plant, spec, hidden, activation, kappa)
+    given, names = given_laws(plant, start), names_in("starts", starts, STARTS)
     if names == () and not given:
         raise InvalidInputError("starts is empty and no start is given, so there is nothing to try")
-    left_alone = _named("frozen", frozen, MATRICES) or ()
+    left_alone = names_in("frozen", frozen, MATRICES) or ()
     if form not in FORMS:
         raise InvalidInputError(f"form is {form!r}, but must be one of {', '.join(FORMS)}")
+    options = checked_options(plant, spec, form, training_options)
     tol, iterations = number("tol", tol, 0.0), whole("training_iterations", training_iterations, 0)
     rounds = None if rounds is None else whole("rounds", rounds, 1)
+    patience = None if proof_seconds is None else number("proof_seconds", proof_seconds, 0.0)
     took: dict[str, float] = {}
-    notes: list[str] = []
     with _phase(took, "bounds"):
-        lower = _lower_bounds(plant, spec, notes, progress)
-        linear = linear_competitors(plant, spec, seed, notes, progress.say)
+        lower = lower_bounds(plant, spec, notes, progress)
+        linear = competitors(plant, spec, seed, notes, progress)
         obstruction = no_stabilizing_gain(plant) if spec.inputs is not None else ""
     if obstruction:
         notes.append(obstruction + "; laws with a kink there are not tried")
         progress.say(notes[-1])
     with _phase(took, "search and proof"):
         tasks = plan(plant, spec, 0 if obstruction else hidden, activation, kappa, seed, training_seconds, iterations,
-                     names, given, left_alone, form)
-        goal = Goal(_floor(lower), tol, 1 if obstruction else rounds, began + progress.seconds)
+                     names, given, left_alone, form, options)
+        goal = Goal(floor(lower), tol, 1 if obstruction else rounds, began + progress.seconds)
         found = search(tasks, goal, executor, progress)
     best = _best(found.history)
     with _phase(took, "simulation"):
-        run = _simulated(plant, spec, best, seed)
+        run = _simulated(plant, spec, best, seed, progress)
     certificate = best.verdict.certificate if best and best.verdict else None
     with _phase(took, "rigorous proof"):
-        proof = _settled(certificate, notes, progress)
+        proof = _settled(certificate, patience, notes, progress)
     took["in all"] = progress.elapsed
     history = tuple(one.attempt for one in found.history)
     notes += _remarks(history, best, found.ended)
+    if certificate is None and not obstruction and not plant.full_state:
+        notes.append(f"only static laws are tried: {with_memory()}")
     ended = f"{counted(len(history), 'attempt')} in {counted(found.rounds, 'round')}; " + (
         "no other static law is worth trying" if obstruction else found.ended)
     return Result(plant, spec, best.inc if best else None, certificate, proof, run, lower, linear, history, tuple(notes),
                   took, best, ended)
-
-
-def _check(plant: Plant, spec: Spec, hidden: int, activation: Activation, kappa: float) -> None:
-    if not isinstance(spec, Spec):
-        raise InvalidInputError(f"spec must be a Spec, not {type(spec).__name__}")
-    if not isinstance(activation, Activation):
-        raise InvalidInputError(f"activation must be an Activation such as ReLU(), not {activation!r}")
-    number("kappa", kappa, 0.0, 1.0, open_low=True, open_high=True)
-    if not isinstance(hidden, int | np.integer) or isinstance(hidden, bool) or hidden < 0:
-        raise InvalidInputError(f"hidden = {hidden!r} must be a whole number of hidden units, 0 or more")
-    if not plant.discrete:
-        raise InvalidInputError("synthesize works in discrete time and this plant is continuous: give it plant.sampled(dt), "
-                                "or Plant.from_control(sys).sampled(dt), with Q and R per step")
-    spec.check(plant)
-    modes = plant.unstabilizable_modes()
-    if modes:
-        words = ", ".join(f"{mode:.6g}" for mode in modes)
-        raise NotStabilizableError(f"the plant is not stabilizable: no input reaches the mode with eigenvalue {words}")
-    obstruction = bounds.uncontrollable_vertex(plant, spec)
-    if obstruction:
-        raise InfeasibleError(obstruction)
-
-
-def _given(plant: Plant, start: INC | Sequence[INC]) -> tuple[INC, ...]:
-    laws = (start,) if isinstance(start, INC) else tuple(start)
-    for law in laws:
-        if not isinstance(law, INC):
-            raise InvalidInputError(f"start must be an INC or several, not {type(law).__name__}")
-        if (law.p, law.m) != (plant.p, plant.m):
-            raise DimensionError(f"start maps {law.p} measurements to {law.m} inputs, but the plant has {plant.p} "
-                                 f"measurements and {plant.m} inputs")
-    return laws
-
-
-def _named(keyword: str, names: Sequence[str] | None, known: Collection[str]) -> tuple[str, ...] | None:
-    if names is None:
-        return None
-    if isinstance(names, str) or any(name not in known for name in names):
-        raise InvalidInputError(f"{keyword} = {names!r} must list names among {', '.join(known)}")
-    return tuple(names)
-
-
-def _lower_bounds(plant: Plant, spec: Spec, notes: list[str], progress: Progress) -> dict[str, Bound]:
-    computed: dict[str, Bound] = {}
-    for name, compute in (("linear controllers, first move", lambda: bounds.first_move(plant, spec)),
-                          ("linear controllers", lambda: bounds.affine_moves(plant, spec)),
-                          (ANY, lambda: bounds.any_controller(plant, spec, cells=CELLS))):
-        try:
-            computed[name] = compute()
-        except INCError as error:
-            notes.append(f"no lower bound for {name}: {error}")
-            continue
-        progress.say(f"lower bound, {name}: {at_least(float(computed[name]))}")
-    return computed
-
-
-def _floor(lower: dict[str, Bound]) -> float:
-    """The proved lower bound on every controller, -inf without."""
-    bound = lower.get(ANY)
-    return float(bound) if bound is not None and bound.holds() else -np.inf
 
 
 def _best(history: Sequence[Done]) -> Attempt | None:
@@ -218,19 +167,22 @@ def _remarks(history: Sequence[Attempt], best: Attempt | None, ended: str) -> li
     return notes
 
 
-def _simulated(plant: Plant, spec: Spec, best: Attempt | None, seed: int) -> Estimate | None:
-    """Simulate from more points than the attempt did, unless its motions do not come to rest anyway."""
-    if best is None or best.inc is None or best.estimate is None or not best.estimate.settled:
+def _simulated(plant: Plant, spec: Spec, best: Attempt | None, seed: int, progress: Progress) -> Estimate | None:
+    """Simulate from more points than the attempt did, unless its motions do not come to rest anyway or the time is over."""
+    if best is None or best.inc is None or best.estimate is None or not best.estimate.settled or progress.is_late:
         return None if best is None else best.estimate
-    return estimate(plant, best.inc, spec, seed=seed)
+    with progress.during("simulation"):
+        return estimate(plant, best.inc, spec, seed=seed)
 
 
-def _settled(certificate: Certificate | None, notes: list[str], progress: Progress) -> Proof | None:
+def _settled(certificate: Certificate | None, limit: float | None, notes: list[str], progress: Progress) -> Proof | None:
     if certificate is None:
         return None
     progress.say("settling the proof rigorously")
     try:
-        proof = certificate.prove()
+        with progress.during("the rigorous proof"):
+            regional = isinstance(certificate, RegionalCertificate)  # the others take moments
+            proof = certificate.prove(limit) if regional else certificate.prove()  # type: ignore[call-arg]
     except KeyboardInterrupt:
         notes.append("interrupted while the proof was settled rigorously: it holds in floating point")
         return None

@@ -19,12 +19,14 @@ from inc_casadi.sets import Box, Polytope
 from inc_casadi.sets.rules import whole
 from inc_casadi.spec import Spec
 
-from .phases import FORMS, Form, Search
+from .ball import balanced, row_bound
+from .input_box import inscribed_box
+from .phases import Search
 from .rollout import Parameters
-from .training_setup import Setup, balanced, inscribed_box, row_bound, setup
+from .training_options import form_of, settled
+from .training_setup import Setup, setup
 
 _GAIN = 1e-7  # relative; a smaller gain is noise of the estimate, and the start is the simpler law
-_STEPS = ("spectral", "adam")
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +39,7 @@ class Training:
     on the way there when the inputs are a polytope, else 0; state_violation: largest G x - g when states are constrained,
     else 0; iterations: of all phases together; status: how the search ended, in words; seconds: wall time; history: one
     dict(phase, iteration, cost, seconds) per iteration, with the cost on that phase's nodes and horizon. All of these are
-    rollouts of the law itself, whatever form the NLP had.
+    rollouts of the law itself, whatever form the NLP had; form: its name, the one chosen where "auto" was asked for.
     """
 
     inc: INC
@@ -50,6 +52,7 @@ class Training:
     seconds: float
     history: tuple[dict[str, Any], ...]
     state_violation: float = 0.0
+    form: str = ""
 
     @property
     def improved(self) -> bool:
@@ -59,7 +62,7 @@ class Training:
 
 def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: int | None = None,
           order: int | None = None, anchored: bool = True, frozen: Sequence[str] = (),
-          terminal: ArrayLike | None = None, form: str = "shooting", method: str = "adjoint", hessian: str = "auto",
+          terminal: ArrayLike | None = None, form: str = "auto", method: str = "adjoint", hessian: str = "auto",
           steps: str = "spectral", readout: bool = True, states: Box | Polytope | None = None, max_iterations: int = 60,
           time_limit: float | None = None, progress: Callable[[dict[str, Any]], None] | None = None,
           seed: int = 0) -> Training:
@@ -79,7 +82,9 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
     Three forms of the NLP. "shooting": IPOPT on the matrices alone, through rollouts and fixed points, kinks left as they
     are. "lifted": IPOPT on states, preactivations and inputs too, with the loop as constraints; kinks are rounded and the
     rounding is driven to zero; it takes a start that is far off, and constraints on states, but only q up to about 16.
-    "projected": gradient steps, W projected on the ball ||W||_inf <= kappa after each (Algorithm 1, step 2).
+    "projected": gradient steps, W projected on the ball ||W||_inf <= kappa after each (Algorithm 1, step 2). "auto" is the
+    form that a further option belongs to, else shooting while its Gauss-Newton Hessian is affordable (up to 8 to 20 units)
+    and projected beyond, as measured (`training_options.settled`).
 
     Parameters
     ----------
@@ -95,7 +100,7 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
     frozen : names among W, U, V, K, b, d that keep the values of the start; W is then not bounded by kappa
     terminal : P (n, n) of the terminal cost, positive semidefinite; by default that of the discounted LQR, which for
         measured output is a surrogate: it is the cost that state feedback without limits would still have
-    form : "shooting", "lifted" or "projected"
+    form : "auto", "shooting", "lifted" or "projected"
     method : of shooting: "adjoint", NumPy with batched adjoints through CasADi callbacks, or "graph", CasADi alone:
         slower, for reference
     hessian : of shooting: "gauss-newton" with Levenberg damping, "limited-memory", or "auto": the former while q is small
@@ -136,7 +141,7 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
     began = time.perf_counter()
     plant = as_plant(plant)
     _check(plant, spec, start, kappa, frozen)
-    chosen = _form(plant, form, method, hessian, steps, readout, states)
+    chosen = form_of(plant, form, method, hessian, steps, readout, states)
     limit = np.inf if time_limit is None else number("time_limit", time_limit, 0.0)
     pose = partial(_posed, plant, spec, kappa=kappa, horizon=horizon, order=order, anchored=anchored, frozen=frozen,
                    terminal=terminal, seed=seed, states=states)
@@ -144,7 +149,7 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
     if isinstance(spec.inputs, Polytope) and np.any(problem.split(problem.judge(law)[1])[0] > 0.0):
         # From outside the polytope IPOPT rarely comes in: begin with the start saturated to a box inside.
         problem, law = pose(start.with_saturated_output(inscribed_box(spec.inputs)))
-    search = Search(problem, chosen, whole("max_iterations", max_iterations, 0), began, limit, progress)
+    search = Search(problem, settled(chosen, problem), whole("max_iterations", max_iterations, 0), began, limit, progress)
     return _best(search, law, search.run(law))
 
 
@@ -169,7 +174,8 @@ def _best(search: Search, start: Parameters, laws: list[Parameters]) -> Training
         inc=inner if problem.box is None else inner.with_saturated_output(problem.box), inner=inner,
         cost=judged[best][0], start_cost=judged[0][0], violation=float(np.max(inputs, initial=0.0)),
         iterations=sum(row["iteration"] > 0 for row in search.history), status=status, seconds=search.seconds,
-        history=tuple(search.history), state_violation=float(np.max(states, initial=0.0)))
+        history=tuple(search.history), state_violation=float(np.max(states, initial=0.0)),
+        form=search.form.name)
 
 
 def _check(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[str]) -> None:
@@ -186,26 +192,3 @@ def _check(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[
     unknown = set(frozen) - set(Parameters._fields)
     if isinstance(frozen, str) or unknown:
         raise InvalidInputError(f"frozen must list names among {', '.join(Parameters._fields)}, not {frozen!r}")
-
-
-def _form(plant: Plant, form: str, method: str, hessian: str, steps: str, readout: bool,
-          states: Box | Polytope | None) -> Form:
-    hessians = ("auto", "gauss-newton", "limited-memory")
-    for name, value, allowed in (("form", form, FORMS), ("method", method, ("adjoint", "graph")),
-                                 ("hessian", hessian, hessians), ("steps", steps, _STEPS)):
-        if value not in allowed:
-            raise InvalidInputError(f"{name} is {value!r}, but must be one of {', '.join(map(repr, allowed))}")
-    given = Form(form, method, hessian, steps, bool(readout))
-    plain, home = Form(), {"method": "shooting", "hessian": "shooting", "steps": "projected", "readout": "lifted"}
-    for name, where in home.items():
-        if form != where and getattr(given, name) != getattr(plain, name):
-            raise InvalidInputError(f"{name} belongs to the form {where!r}, but the form is {form!r}")
-    if states is None:
-        return given
-    if form != "lifted":
-        raise InvalidInputError(f"constraints on states belong to the form 'lifted', but the form is {form!r}")
-    if not isinstance(states, (Box, Polytope)):
-        raise InvalidInputError(f"states must be a Box or a Polytope, not {type(states).__name__}")
-    if states.dimension != plant.n:
-        raise DimensionError(f"states has dimension {states.dimension}, but the plant has n = {plant.n} states")
-    return given

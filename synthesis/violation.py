@@ -87,11 +87,6 @@ class Penalized:
         self.layout: Layout = objective.layout
         self.scale = objective.scale
 
-    @property
-    def scenario(self) -> Any:
-        """What is rolled out."""
-        return self.objective.scenario
-
     def value(self, x: Array) -> float:
         """Return log(1 + (J + penalty) / scale), NaN where the loop is lost."""
         excess, _ = self._excess(x)

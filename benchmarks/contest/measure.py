@@ -136,7 +136,8 @@ def _designs(work: _Work) -> Iterator[_Design]:
 def _synthesized(work: _Work) -> _Design:
     begun, settings = perf_counter(), work.settings
     result = attempted(partial(synthesize, work.case.plant, work.case.spec, hidden=settings.hidden, seconds=settings.search,
-                               training_seconds=settings.training, seed=settings.seed, verbose=False))
+                               training_seconds=settings.training, proof_seconds=settings.proof, seed=settings.seed,
+                               verbose=False))
     design = _designed(SYNTHESIZED, result, perf_counter() - begun)
     if design.law is None:
         return design

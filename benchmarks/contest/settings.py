@@ -19,7 +19,8 @@ class Settings:
     ----------
     seed : of every random choice
     hidden : units that `synthesize` trains
-    search : what `synthesize` may take for its search; training: for one training or proof in it
+    search : what `synthesize` may take for its search; training: for one training or proof in it; proof: for the rigorous
+        proof of what it returns
     pieces : for the exact pieces of one competitor
     linear, gains : for the lower bounds on linear controllers and on static gains
     region : for each certificate of how far the initial set may grow, 0 for none
@@ -40,6 +41,7 @@ class Settings:
     hidden: int = 8
     search: float = 20.0
     training: float = 10.0
+    proof: float = 20.0
     pieces: float = 8.0
     linear: float = 10.0
     gains: float = 5.0
@@ -52,7 +54,7 @@ class Settings:
     def __post_init__(self) -> None:
         for name, least in (("seed", 0), ("hidden", 0), ("cells", 1), ("samples", 2)):
             whole(name, getattr(self, name), least)
-        for name in ("search", "training", "pieces", "linear", "gains", "limit"):
+        for name in ("search", "training", "proof", "pieces", "linear", "gains", "limit"):
             number(name, getattr(self, name), 0.0, open_low=True)
         number("region", self.region, 0.0)
 
@@ -61,5 +63,5 @@ class Settings:
         return not self.only or name in self.only
 
 
-QUICK = Settings(hidden=4, search=6.0, training=2.0, pieces=2.0, linear=2.0, gains=1.0, region=0.5, cells=1_000,
+QUICK = Settings(hidden=4, search=6.0, training=2.0, proof=5.0, pieces=2.0, linear=2.0, gains=1.0, region=0.5, cells=1_000,
                  samples=5_000, limit=30.0)

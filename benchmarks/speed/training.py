@@ -1,130 +1,155 @@
-"""The forms of training side by side: time of an iteration and time to a given cost, from one start on one set of nodes."""
+"""The forms of training side by side: what `train` reaches within so many CPU seconds, over several seeds."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
+from statistics import median
+from typing import Any
 
 import numpy as np
 
-from inc_casadi.linear.regulator import discounted_lqr
-from synthesis.lifted import minimize_lifted
-from synthesis.nlp import minimize
-from synthesis.objective import Objective
-from synthesis.outcome import Outcome
-from synthesis.projected import descend
-from synthesis.rollout import Parameters, roll
+from synthesis.one_thread import one_thread
+from synthesis.phases import Form
 from synthesis.starts.random_start import random_start
-from synthesis.training_setup import LIFTED_COARSE, Setup, setup
+from synthesis.training import Training, train
+from synthesis.training_options import settled
+from synthesis.training_setup import setup
 
+from ..plants.paper import Case
 from ..plants.suite import suite
 
-PLANTS, SIZES = ("two states", "NN2"), (4, 8, 16, 32, 64)
-SECONDS, ITERATIONS, KAPPA = 6.0, 1000, 0.95
-QUICK_SIZES, QUICK_SECONDS = (4, 8), 1.0
-MOST_WORK = 1e10  # multiplications in a factorization of the lifted form, above which one takes longer than all others may
-GRAPH_SIZES = (4, 8)  # the CasADi graph alone is there for reference
+PLANTS = ("double integrator", "NN2", "DIS2", "cart and pole")  # the middle two by output feedback, DIS2 with two inputs
+SIZES, SEEDS, FORMS = (8, 32), (0, 1, 2, 3, 4), ("shooting", "projected", "lifted")
+SECONDS, KAPPA = 1.0, 0.95
+QUICK = {"plants": ("NN2", "DIS2"), "sizes": (8,), "seeds": (0, 1), "seconds": 1.0}
+LARGEST = {"lifted": 8}  # units above which a form is not run: a few of its steps take all the time there is
+NO_END = 10**6  # iterations
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One training from a random start: its cost on nodes not trained on, the steps taken and the CPU seconds of one."""
+
+    plant: str
+    q: int
+    form: str
+    seed: int
+    cost: float
+    steps: int
+    step: float
+    status: str
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """One run of one form: costs are true rollouts on the nodes trained on; seconds include building the NLP.
-
-    iteration: median seconds of one; percent, permille: seconds until the cost is within 1 and 0.1 % of the least that any
-    form reached for this plant and q, NaN where it never was; status: how the run ended.
+    """All seeds of one form. cost, worst: median and largest; permille, percent: in how many seeds the cost is within 0.1
+    and 1 % of the least that any form reached from that seed; steps, step: medians; ended: the most frequent end; chosen:
+    whether form="auto" takes it.
     """
 
     plant: str
     q: int
     form: str
-    start: float
     cost: float
-    iterations: int
-    iteration: float
-    percent: float
-    permille: float
-    status: str
+    worst: float
+    permille: int
+    percent: int
+    seeds: int
+    steps: float
+    step: float
+    ended: str
+    chosen: bool
 
 
 def training(plants: Sequence[str] = PLANTS, sizes: Sequence[int] = SIZES, seconds: float = SECONDS,
-             max_iterations: int = ITERATIONS, seed: int = 0) -> list[Row]:
-    """Return one row for each plant, q and form; each form may take so many seconds, and starts at the same random law."""
-    return [row for name in plants for q in sizes for row in _measured(name, q, seconds, max_iterations, seed)]
+             seeds: Sequence[int] = SEEDS, forms: Sequence[str] = FORMS) -> list[Row]:
+    """Return one row for each plant, q and form; every run may take so many CPU seconds, from the same start per seed."""
+    return [row for name, q in product(plants, sizes) for row in rows(runs(name, q, seconds, seeds, forms), name, q)]
 
 
 def quick_training() -> list[Row]:
-    """Return the rows of the two smallest sizes, with a second for each run."""
-    return training(sizes=QUICK_SIZES, seconds=QUICK_SECONDS)
+    """Return the rows of a quick look: two plants, 8 units, two seeds."""
+    return training(**QUICK)  # type: ignore[arg-type]
 
 
-def _measured(name: str, q: int, seconds: float, max_iterations: int, seed: int) -> list[Row]:
+def runs(name: str, q: int, seconds: float, seeds: Sequence[int], forms: Sequence[str]) -> list[Run]:
+    """Return one run for each seed and each form that is not too large."""
     case = suite()[name]
+    fitting = [form for form in forms if q <= LARGEST.get(form, q)]
+    return [_run(case, name, q, form, seed, seconds) for seed, form in product(seeds, fitting)]
+
+
+def _run(case: Case, name: str, q: int, form: str, seed: int, seconds: float) -> Run:
     start = random_start(case.plant, case.spec, q, kappa=KAPPA, seed=seed)
-    problem = setup(case.plant, case.spec, start, kappa=KAPPA, horizon=None, order=None, anchored=True, frozen=(),
-                    terminal=None, seed=seed)
-    scenario = problem.scenario(LIFTED_COARSE)
-    law = Parameters.of(start)
-    begun = roll(scenario, law).cost
-    runs = {form: run(Objective(scenario, problem.layout, problem.scale, problem.sketch(scenario)), law,
-                      time_limit=seconds, max_iterations=max_iterations)
-            for form, run in _forms(problem).items() if form != "graph" or q in GRAPH_SIZES}
-    least = min([begun] + [cost for outcome in runs.values() for _, cost, _ in outcome.history])
-    return [_row(name, q, form, begun, outcome, least) for form, outcome in runs.items()]
+    times: list[float] = []
+    began = time.process_time()
+
+    def watch(_: dict[str, Any]) -> None:
+        times.append(time.process_time() - began)
+        if times[-1] >= seconds:
+            raise KeyboardInterrupt
+
+    with one_thread():  # else CPU time counts what idle threads of linear algebra spend waiting
+        found: Training = train(case.plant, case.spec, start, kappa=KAPPA, form=form, max_iterations=NO_END, progress=watch,
+                                seed=seed)
+    cut = bool(times) and times[-1] >= seconds
+    step = float(np.median(np.diff(times))) if len(times) > 1 else np.nan
+    return Run(name, q, form, seed, found.cost, len(times), step, "time" if cut else found.status)
 
 
-def _forms(problem: Setup) -> dict[str, Callable[..., Outcome]]:
-    gain, _ = discounted_lqr(problem.plant, problem.spec)
-
-    def shooting(objective: Objective, law: Parameters, **options: float) -> Outcome:
-        hessian = "limited-memory" if problem.sketch(objective.scenario) is None else "gauss-newton"
-        return minimize(objective, law, hessian=hessian, **options)  # type: ignore[arg-type]
-
-    def lifted(objective: Objective, law: Parameters, **options: float) -> Outcome:
-        if work(objective) > MOST_WORK:
-            return Outcome(law, f"not run: {work(objective):.0e} multiplications a step", ())
-        return minimize_lifted(objective, law, gain=gain, **options)  # type: ignore[arg-type]
-
-    def graph(objective: Objective, law: Parameters, **options: float) -> Outcome:
-        return minimize(objective, law, method="graph", hessian="limited-memory", **options)  # type: ignore[arg-type]
-
-    return {"shooting": shooting, "lifted": lifted, "projected": descend, "graph": graph}
+def rows(measured: Sequence[Run], name: str, q: int) -> list[Row]:
+    """Return the runs of one plant and q as one row per form."""
+    chosen = choice(name, q)
+    least = {run.seed: min(other.cost for other in measured if other.seed == run.seed) for run in measured}
+    return [_row(part, least, chosen) for part in _by_form(measured)]
 
 
-def work(objective: Objective) -> float:
-    """Return the multiplications of one factorization of the lifted form, to its leading term S (q + m + n) P^2."""
-    scenario = objective.scenario
-    stages = scenario.weights.size * scenario.steps
-    return float(stages * (scenario.q + sum(scenario.B.shape)) * objective.layout.size**2)
+def choice(name: str, q: int) -> str:
+    """Return the form that "auto" stands for.
 
-
-def _row(name: str, q: int, form: str, begun: float, outcome: Outcome, least: float) -> Row:
-    _, costs, seconds = np.array(outcome.history).reshape(-1, 3).T
-    steps = np.diff(seconds)
-
-    def until(share: float) -> float:
-        met = np.flatnonzero(costs <= (1.0 + share) * least)
-        return float(seconds[met[0]]) if met.size else np.nan
-
-    return Row(name, q, form, begun, float(np.min(costs, initial=begun)), steps.size,
-               float(np.median(steps)) if steps.size else np.nan, until(0.01), until(0.001), outcome.status)
-
-
-def training_table(rows: Sequence[Row]) -> str:
-    """Return the rows as text.
-
-    >>> row = Row("two states", 4, "lifted", 9.0, 1.5, 20, 0.03, 0.5, np.nan, "solved")
-    >>> print(training_table([row]))
-    plant                q form          start       cost  steps  ms/step  s to 1 %  to 0.1 %  ended
-    two states           4 lifted            9     1.5000     20       30      0.50         -  solved
+    >>> choice("NN2", 8), choice("NN2", 32)
+    ('shooting', 'projected')
     """
-    lines = [f"{'plant':<18} {'q':>3} {'form':<10} {'start':>8} {'cost':>10} {'steps':>6} {'ms/step':>8} "
-             f"{'s to 1 %':>9} {'to 0.1 %':>9}  ended"]
-    for row in rows:
-        lines.append(f"{row.plant:<18} {row.q:>3} {row.form:<10} {row.start:>8.4g} {row.cost:>10.4f} {row.iterations:>6} "
-                     f"{_shown(1e3 * row.iteration, 0):>8} {_shown(row.percent, 2):>9} {_shown(row.permille, 2):>9}  "
-                     f"{row.status}")
+    case = suite()[name]
+    start = random_start(case.plant, case.spec, q, kappa=KAPPA)
+    problem = setup(case.plant, case.spec, start, kappa=KAPPA, horizon=None, order=None, anchored=True, frozen=(),
+                    terminal=None, seed=0)
+    return settled(Form(), problem).name
+
+
+def _by_form(measured: Sequence[Run]) -> Iterator[list[Run]]:
+    for form in dict.fromkeys(run.form for run in measured):
+        yield [run for run in measured if run.form == form]
+
+
+def _row(part: Sequence[Run], least: dict[int, float], chosen: str) -> Row:
+    costs = np.array([run.cost for run in part])
+    above = costs / np.array([least[run.seed] for run in part]) - 1.0
+    ended = Counter(run.status for run in part).most_common(1)[0][0]
+    return Row(part[0].plant, part[0].q, part[0].form, float(np.median(costs)), float(np.max(costs)),
+               int(np.sum(above <= 1e-3)), int(np.sum(above <= 1e-2)), len(part), median(run.steps for run in part),
+               float(np.median([run.step for run in part])), ended, part[0].form == chosen)
+
+
+def training_table(table: Sequence[Row]) -> str:
+    """Return the rows as text; a star marks the form that "auto" takes.
+
+    >>> print(training_table([Row("NN2", 4, "shooting", 6.5, 6.6, 3, 5, 5, 35, 0.02, "solved", True)]))
+    plant                q form              median      worst  0.1 %   1 %  steps  ms/step  ended
+    NN2                  4 shooting  *       6.5000     6.6000    3/5   5/5     35       20  solved
+    """
+    lines = [f"{'plant':<18} {'q':>3} {'form':<11} {'median':>12} {'worst':>10} {'0.1 %':>6} {'1 %':>5} {'steps':>6} "
+             f"{'ms/step':>8}  ended"]
+    for row in table:
+        lines.append(f"{row.plant:<18} {row.q:>3} {row.form:<9} {'*' if row.chosen else ' '} {_cost(row.cost):>12} "
+                     f"{_cost(row.worst):>10} {f'{row.permille}/{row.seeds}':>6} {f'{row.percent}/{row.seeds}':>5} "
+                     f"{row.steps:>6.0f} {1e3 * row.step:>8.0f}  {row.ended}")
     return "\n".join(lines)
 
 
-def _shown(value: float, digits: int) -> str:
-    return "-" if np.isnan(value) else f"{value:.{digits}f}"
+def _cost(value: float) -> str:
+    return f"{value:.4f}" if value < 1e4 else f"{value:.1e}"

@@ -49,7 +49,7 @@ class ExplicitStart:
 
 
 def explicit_start(plant: Any, spec: Spec, horizon: int, units: int = 60, terminal: ArrayLike | None = None,
-                   seconds: float = 20.0, samples: int = 200, seed: int = 0) -> ExplicitStart:
+                   seconds: float = 20.0, samples: int = 200, seed: int = 0, pieces: int = 500_000) -> ExplicitStart:
     """Return a predictive law, exact on a box of states, as an INC without loops in W.
 
     The law of `predictive_start` is piecewise affine in x. Its critical regions on a box are listed exactly and written by
@@ -63,7 +63,7 @@ def explicit_start(plant: Any, spec: Spec, horizon: int, units: int = 60, termin
     plant, spec, terminal, samples, seed : as in `predictive_start`
     horizon : N
     units : the most hidden units, those of the limits not counted
-    seconds : for the regions
+    seconds, pieces : for the regions, and how many simplices may make them up
 
     Raises
     ------
@@ -87,7 +87,7 @@ def explicit_start(plant: Any, spec: Spec, horizon: int, units: int = 60, termin
               spec.discount)
     source = CriticalRegions(mpc)
     region = _visited(state, source, np.hstack([ends.x0, _corners(spec)]))
-    found = regions(state, source, region, seconds=seconds)
+    found = regions(state, source, region, pieces, seconds)
     if found.ended:
         raise InvalidInputError(f"the regions of MPC over {horizon} steps were not all listed: {found.ended}; take a "
                                 "shorter horizon, or the fixed point (`predictive_start`)")

@@ -17,9 +17,10 @@ from inc_casadi.sets import Box
 from inc_casadi.sets.rules import whole
 from inc_casadi.spec import Spec
 
+from ..ball import balanced, row_bound
 from ..objective import Layout, Objective
 from ..rollout import Parameters, Scenario, hidden, roll
-from ..training_setup import balanced, default_horizon, nodes_of, row_bound
+from ..training_nodes import default_horizon, nodes_of
 from .random_start import input_range, measurement_range
 
 Law = Callable[[Array], Array]

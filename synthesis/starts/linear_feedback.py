@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from math import inf
 from typing import Any
 
 from inc_casadi.arrays import Array
@@ -20,6 +21,7 @@ from ..gate import gate
 
 SHARES = (0.75, 0.5, 0.25)
 SAMPLES = 1000
+PIECES, STEPS = 20_000, 500  # of each regional proof; half as many pieces for each state beyond two, for their vertices
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +54,7 @@ def stabilizing_gain(plant: Any, spec: Spec, seed: int = 0) -> Array:
     return best_static_gain(plant, replace(spec, inputs=None), seed=seed).F
 
 
-def certified_linear_start(plant: Any, spec: Spec, seconds: float = 10.0, seed: int = 0) -> CertifiedStart:
+def certified_linear_start(plant: Any, spec: Spec, seconds: float = inf, seed: int = 0) -> CertifiedStart:
     """Return u = sat(F y) that the gate certifies, the best by simulation among a few gains F.
 
     F = t F_free + (1 - t) F_kept, t = 1, 3/4, ..., 0: F_free is the best gain found without limits, F_kept the best that
@@ -65,7 +67,8 @@ def certified_linear_start(plant: Any, spec: Spec, seconds: float = 10.0, seed: 
     ----------
     plant : discrete time
     spec : spec.inputs a Box or None
-    seconds : for the regional proof of each gain
+    seconds : for the regional proof of each gain; by default only its pieces and steps are limited, which makes the answer
+        the same on every machine
     seed : of the searches for gains and of simulation
 
     Raises
@@ -87,12 +90,16 @@ def certified_linear_start(plant: Any, spec: Spec, seconds: float = 10.0, seed: 
         raise InvalidInputError("the inputs are a Polytope, and a saturated gain is clipped to a Box")
     refused: list[tuple[str, str]] = []
     for label, F, inc in _by_cost(plant, spec, _gains(plant, spec, seed), seed):
-        verdict = gate(plant, spec, inc, Budget(seconds=seconds))
+        verdict = gate(plant, spec, inc, Budget(_pieces(plant.n), STEPS, seconds))
         if verdict.certificate is not None:
             return CertifiedStart(inc, F, label, verdict.cost, verdict.certificate, tuple(refused))
         refused.append((label, "; ".join(verdict.refusals)))
     reasons = " ".join(f"{label}: {why}." for label, why in refused)
     raise NotCertifiedError(f"no saturated linear gain is certified. {reasons}")
+
+
+def _pieces(n: int) -> int:
+    return max(100, PIECES // 2 ** max(0, n - 2))
 
 
 def _gains(plant: Plant, spec: Spec, seed: int) -> list[tuple[str, Array]]:

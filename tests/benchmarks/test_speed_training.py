@@ -1,36 +1,39 @@
-"""The table of the forms of training: quick rows with what the table promises, and forms too large are said to be."""
+"""The table of the forms of training: quick rows with what the table promises, and forms too large are left out."""
 
 import numpy as np
 import pytest
 
 from benchmarks import speed
 from benchmarks.__main__ import main
-from benchmarks.speed.training import training, training_table
+from benchmarks.speed.training import Run, rows, runs, training, training_table
 
 
-def test_rows_share_a_start_and_their_times_are_ordered():
-    rows = training(("NN2",), (3, 4), seconds=0.5)
-    assert [(row.q, row.form) for row in rows] == [
-        (3, "shooting"), (3, "lifted"), (3, "projected"), (4, "shooting"), (4, "lifted"), (4, "projected"), (4, "graph")]
-    for q in (3, 4):
-        group = [row for row in rows if row.q == q]
-        assert len({row.start for row in group}) == 1 and all(row.cost <= row.start for row in group)
-        least = min(row.cost for row in group)
-        for row in group:
-            assert (row.cost <= 1.01 * least) == np.isfinite(row.percent)
-            assert np.isnan(row.permille) or row.percent <= row.permille
-    assert training_table(rows).count("\n") == len(rows)
+def test_runs_share_seeds_and_keep_to_their_cpu_time():
+    measured = runs("NN2", 3, 0.3, (0, 1), ("shooting", "projected"))
+    assert [(run.seed, run.form) for run in measured] == [
+        (0, "shooting"), (0, "projected"), (1, "shooting"), (1, "projected")]
+    for run in measured:
+        assert np.isfinite(run.cost) and 0 < run.step < 0.3 and run.steps > 3
+        assert run.status == "time" or run.step * run.steps < 0.4
 
 
-def test_a_form_that_is_too_large_is_not_run():
-    rows = training(("two states",), (40,), seconds=0.2)
-    lifted = next(row for row in rows if row.form == "lifted")
-    assert lifted.status.startswith("not run: ") and lifted.iterations == 0 and np.isnan(lifted.iteration)
-    assert " - " in training_table([lifted])
+def test_medians_and_shares_are_counted_seed_by_seed():
+    costs = {"shooting": [1.0, 2.0, 5.0], "projected": [1.0005, 1.9, 5.1]}
+    measured = [Run("NN2", 4, form, seed, cost, 10, 0.1, "solved") for form, several in costs.items()
+                for seed, cost in enumerate(several)]
+    first, second = rows(measured, "NN2", 4)
+    assert (first.cost, first.worst, first.permille, first.percent) == (2.0, 5.0, 2, 2)
+    assert (second.cost, second.worst, second.permille, second.percent) == (1.9, 5.1, 2, 2)
+    assert first.chosen and not second.chosen and training_table([first, second]).count("*") == 1
+
+
+def test_a_form_that_is_too_large_is_left_out():
+    assert [row.form for row in training(("NN2",), (9,), 0.05, (0,))] == ["shooting", "projected"]
+    assert [row.form for row in training(("NN2",), (3,), 0.05, (0,))] == ["shooting", "projected", "lifted"]
 
 
 def test_the_command_has_a_quick_mode(monkeypatch, capsys):
-    monkeypatch.setattr(speed, "quick_training", lambda: training(("NN2",), (3,), seconds=0.2))
+    monkeypatch.setattr(speed, "quick_training", lambda: training(("NN2",), (3,), 0.1, (0,)))
     assert main(["speed", "training", "--quick"]) == 0
     assert "projected" in capsys.readouterr().out
     with pytest.raises(SystemExit):

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from lmi_draws import feasible, loop, symmetric_index
+from lmi_draws import feasible, loop, matrices, symmetric_index
 
 from inc_casadi.errors import DimensionError
 from inc_casadi.interior_point import View, _verdict, solve
@@ -89,6 +89,31 @@ def test_random_problems_end_optimal_strictly_inside_and_obey_weak_duality(kind,
     assert found.status == "optimal" and found.gap <= 1e-8
     assert drawn.violation(found.y) < 0.0 and drawn.violation(found.interior) < 0.0
     assert drawn.cost @ found.interior > drawn.cost @ found.y  # deeper means dearer
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("kind", [{"rows": 0, "bounds": 0}, {"rows": 0, "bounds": 0, "spread": 3.0}])
+def test_the_multipliers_meet_the_optimality_conditions_of_the_problem_as_it_is_stated(kind, seed):
+    drawn = feasible(np.random.default_rng(seed), **kind)
+    found = solve(drawn, tolerance=1e-9)
+    pairs = list(zip(drawn.blocks, found.X, strict=True))
+    products = [np.einsum("eij,ij->e", matrices(block, drawn.size), X) for block, X in pairs]
+    np.testing.assert_allclose(sum(products), drawn.cost, rtol=1e-5, atol=1e-7 * np.max(np.abs(drawn.cost)))
+    complementary = sum(np.vdot(X, block.value(found.y)) for block, X in pairs)
+    assert 0.0 <= complementary <= 1e-7 * np.abs(drawn.cost) @ np.abs(found.y) and found.residual <= 1e-6
+    assert all(np.linalg.eigvalsh(X)[0] > 0.0 for X in found.X)
+
+
+def test_the_depth_of_the_interior_point_is_chosen():
+    drawn = feasible(np.random.default_rng(0))
+    near, far = (solve(drawn, depth=depth) for depth in (1e-4, 1e-2))
+    assert drawn.violation(far.interior) < drawn.violation(near.interior) < drawn.violation(near.y)
+    np.testing.assert_array_equal(near.y, far.y)
+
+
+def test_where_nothing_is_feasible_there_are_no_multipliers():
+    found = solve(problem([1.0], rows=[[1.0], [-1.0]], offset=[-1.0, 0.5]))
+    assert found.X == () and found.residual == np.inf
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -95,10 +95,33 @@ def test_a_law_whose_limits_are_not_built_in_is_not_retrained_with_a_certificate
 
 
 def test_explorations_bring_other_starts_first_and_then_seeds_and_units():
-    best = accepted(TASK, 2.0, INC.linear([[-2.0]]))
-    first = explorations([best], replace(TASK, start=""), 1)
-    assert [task.name for task in first[:3]] == ["MPC", "sector inequality", "compressed MPC, trained"]
-    assert first[3].seed == 4 and first[4].law.q == 6 and first[4].of == TASK.name
-    later = explorations([best], replace(TASK, start=""), 2)
+    best = accepted(TASK, 2.0, INC.linear([[-2.0, -0.5]]))
+    state = replace(TASK, start="", plant=Plant(0.8 * PLANT.A, PLANT.B))
+    first = explorations([best], state, 1)
+    assert [task.name for task in first[:4]] == ["MPC", "sector inequality", "explicit MPC", "compressed MPC, trained"]
+    assert first[4].seed == 4 and first[5].law.q == 6 and first[5].of == TASK.name
+    later = explorations([best], state, 2)
     assert [task.seed for task in later] == [5, 5]
-    assert not any(task.way == TRAINED for task in explorations([best], replace(TASK, start="", hidden=0), 1))
+    assert not any(task.way == TRAINED for task in explorations([best], replace(state, hidden=0), 1))
+
+
+@pytest.mark.parametrize("change", [
+    {"plant": PLANT},  # measured output
+    {"spec": replace(SPEC, inputs=None)}, {"spec": replace(SPEC, R=[[0.0]])}])
+def test_a_start_that_is_sure_to_be_refused_is_no_attempt(change):
+    task = replace(TASK, start="", plant=Plant(0.8 * PLANT.A, PLANT.B))
+    names = [one.start for one in explorations([], replace(task, **change), 1)]
+    assert "random" in names and not any("MPC" in name for name in names)
+
+
+def test_the_sector_inequality_is_tried_just_where_the_open_loop_has_a_cost():
+    for share in (0.8, 1.0):  # PLANT is unstable
+        task = replace(TASK, start="", plant=Plant(share * PLANT.A, PLANT.B))
+        assert ("sector inequality" in [one.start for one in explorations([], task, 1)]) == (share < 1)
+
+
+def test_a_law_that_grew_twice_is_named_after_its_root():
+    best = accepted(TASK, 2.0, INC.linear([[-2.0]]))
+    grown = explorations([best], replace(TASK, start=""), 1)[-1]
+    again = explorations([accepted(grown, 1.5, grown.law)], replace(TASK, start=""), 2)[-1]
+    assert grown.start == again.start == f"from ({TASK.name})" and again.of == grown.name != again.name

@@ -10,12 +10,13 @@ from training_problems import posed, small, true_cost
 
 from inc_casadi import INC, Box, LeakyReLU, Plant, Polytope, ReLU, Saturation, Spec, Tanh
 from inc_casadi.linear.regulator import discounted_lqr
-from synthesis.lifted import minimize_lifted
+from synthesis.lifted import minimize_lifted, outside
 from synthesis.lifted_stages import Lifted, rounded_clip
 from synthesis.objective import Layout
 from synthesis.rollout import Parameters, Scenario, roll
 from synthesis.starts.random_start import linear_start, random_start
 from synthesis.training import train
+from synthesis.training_setup import setup
 
 MIXED = (ReLU(), Tanh(), Saturation(), LeakyReLU(0.3))
 QUICK = {"horizon": 8, "order": 3, "max_iterations": 24, "form": "lifted"}
@@ -79,7 +80,7 @@ def test_along_its_own_motion_a_law_meets_the_equations_and_costs_what_a_rollout
     symbol, f, g = problem.expressions()
     cost, residuals = (part.full().ravel() for part in ca.Function("plain", [symbol], [f, g])(point))
     assert np.all(residuals <= bounds["ubg"] + 1e-9) and np.all(residuals >= bounds["lbg"] - 1e-9)
-    assert np.sum(bounds["ubg"] == bounds["lbg"]) == 5 * 3 * (4 + 2 + 3) + (6 if anchored else 0)
+    assert np.sum(bounds["ubg"] == bounds["lbg"]) == 5 * 3 * (4 + 2 + 3) + 4**2 + (6 if anchored else 0)
     task = form.scenario
     first = oracles.quadratic(task.Q, task.nodes) @ task.weights
     assert form.scale * cost[0] + first == pytest.approx(motion.cost, rel=1e-10)
@@ -169,15 +170,54 @@ def test_states_that_cannot_be_kept_are_reported():
     assert result.state_violation >= np.max(np.abs(x[:, :, 1:])) - 1.0 > 0.5
 
 
-def test_a_polytope_of_inputs_is_kept():
+@pytest.mark.parametrize("gain", [0.3, 1.0])
+@pytest.mark.parametrize("readout", [True, False])
+def test_a_polytope_of_inputs_is_kept(gain, readout):
     plant = Plant([[1.0, 0.3], [0.0, 0.95]], [[0.2, 0.0], [0.1, 0.3]])
     diamond = Polytope([[1, 1], [1, -1], [-1, 1], [-1, -1]], [0.6] * 4)
     spec = Spec(np.eye(2), 0.1 * np.eye(2), 0.95, Box([-1.0, -0.8], [1.0, 0.8]), diamond)
-    start = linear_start(0.3 * discounted_lqr(plant, spec)[0], plant, spec, 3)
-    result = train(plant, spec, start, readout=False, **QUICK | {"horizon": 10, "order": 4})
+    start = linear_start(gain * discounted_lqr(plant, spec)[0], plant, spec, 3)
+    result = train(plant, spec, start, readout=readout, **QUICK | {"horizon": 10, "order": 4})
     _, _, u = true_cost(plant, spec, result.inc, order=7)
     assert np.max(np.abs(u).sum(axis=0)) <= 0.6 + 2e-3 and result.violation <= 2e-3
-    assert result.cost < result.start_cost
+    assert result.cost < 0.9 * result.start_cost
+
+
+def test_the_worst_starts_are_those_from_which_the_half_spaces_are_left_farthest():
+    plant, spec = small()
+    start = linear_start(discounted_lqr(plant, spec)[0], plant, spec, 2)
+    problem = setup(plant, spec, start, kappa=0.9, horizon=10, order=4, anchored=True, frozen=(), terminal=None, seed=0,
+                    states=Polytope([[0, 1], [0, -1], [1, 0], [-1, 0]], [1.0, 1.1, 9.0, 9.0]))
+    law, nodes = Parameters.of(start), problem._judge.nodes
+    worst = problem.worst_starts(law)
+    x = roll(problem._judge, law).x[1:]
+    reached = [np.sort(np.max(sign * x[:, :, 1], axis=0))[::-1] for sign in (1, -1)]
+    assert worst.shape == (2, 4) and reached[0][1] > 1.0 and reached[1][1] > 1.1
+    for state in worst.T:
+        motion = np.flatnonzero(np.all(nodes.T == state, axis=1))[0]
+        assert np.max(x[:, motion, 1]) >= reached[0][1] or np.max(-x[:, motion, 1]) >= reached[1][1]
+    inside = linear_start(0.0 * discounted_lqr(plant, spec)[0], plant, spec, 2)
+    assert replace(problem, states=(np.eye(2), np.full(2, 99.0))).worst_starts(Parameters.of(inside)).shape == (2, 0)
+
+
+def test_how_far_a_motion_leaves_its_half_spaces_is_a_share_of_their_size():
+    form, law = lifted()
+    motion = roll(form.scenario, form.layout.parameters(form.layout.start(law)))
+    G, H = form.states[0], form.scenario.H
+    inputs, states = np.max(motion.u @ H.T, axis=(0, 1)), np.max(motion.x[1:] @ G.T, axis=(0, 1))
+    for side, tight in ((inputs - np.array([0.5, 0.0, 0.0]), True), (inputs + 1.0, False)):
+        case = replace(form, scenario=replace(form.scenario, h=side), states=(G, states + 1.0))
+        assert outside(case, motion) == pytest.approx(0.5 / max(1.0, abs(side[0])) if tight else 0.0)
+    case = replace(form, scenario=replace(form.scenario, h=inputs + 1.0), states=(G, np.array([states[0] - 0.7, states[1]])))
+    assert outside(case, motion) == pytest.approx(0.7 / max(1.0, abs(states[0] - 0.7)))
+
+
+def test_nodes_beside_the_quadrature_have_no_weight():
+    plant, spec = small()
+    problem = setup(plant, spec, random_start(plant, spec, 2), kappa=0.9, horizon=3, order=2, anchored=True, frozen=(),
+                    terminal=None, seed=0)
+    wide = problem.scenario(25, beside=np.array([[3.0], [4.0]]))
+    assert wide.nodes[:, -1].tolist() == [3.0, 4.0] and wide.weights[-1] == 0.0 and wide.weights.sum() == pytest.approx(1.0)
 
 
 def test_it_ends_when_it_must_and_keeps_the_best():

@@ -64,6 +64,7 @@ def test_a_double_integrator_whose_position_alone_is_measured_is_refused_with_pr
     assert result.status == "failed" and not any(one.training for one in result.history)
     reason = next(note for note in result.notes if note.startswith("no static gain"))
     assert "no static law that is differentiable at its equilibrium makes motions converge exponentially" in reason
+    assert "inc_casadi.dynamic" in reason and "train_dynamic" in reason
     assert "no other static law is worth trying" in str(result)
 
 
@@ -78,3 +79,4 @@ def test_several_measurements_that_no_gain_found_stabilizes_end_in_bounded_time(
     names = {one.name: one for one in result.history}
     assert "stabilizing gain" in names and "no static gain u = F y was found" in names["stabilizing gain"].note
     assert names["stabilizing gain"].why == "does not stabilize around its equilibrium"
+    assert any("inc_casadi.dynamic" in note and "train_dynamic" in note for note in result.notes)

@@ -87,11 +87,10 @@ def laws(result):
 def test_the_history_has_every_round_with_reasons(two_rounds):
     names = [one.name for one in two_rounds.history]
     assert names[:3] == ["clipped LQR", "clipped LQR, trained", "random, trained"] and len(set(names)) == len(names)
-    assert {"MPC", "compressed MPC, trained", "random, trained, seed 1"} < set(names)
+    assert {"MPC", "explicit MPC", "compressed MPC, trained", "random, trained, seed 1"} < set(names)
     widened = next(one for one in two_rounds.history if one.name.startswith("from "))
     assert widened.of in names[:3] and "more units" in widened.why and widened.inner.q == 2
-    refused = next(one for one in two_rounds.history if one.name == "sector inequality")
-    assert refused.inc is None and "a box about 0" in refused.note
+    assert "sector inequality" not in names  # the plant is unstable: it would be refused for sure
     assert "no more than 2 rounds were to be made" in two_rounds.ended
     certified = [one.verdict.cost for one in two_rounds.history if one.certified]
     assert two_rounds.cost == min(certified) and two_rounds.certificate.holds()

@@ -124,12 +124,16 @@ def test_a_linear_gain_that_exceeds_the_limits_later_is_told_apart():
     assert keeps_limits(plant, ball, np.array([[-0.5, -1.0]])) and not keeps_limits(plant, ball, np.array([[0.0, -5.1]]))
 
 
-def test_an_ellipsoid_of_starting_points_is_simulated_and_bounded_but_not_cut():
-    spec = Spec(np.eye(2), [[0.05]], 0.98, Ellipsoid(4 * np.eye(2)), Box([-1.0], [1.0]))
+def test_an_ellipsoid_of_starting_points_is_bounded_by_an_ellipsoid_of_attraction():
+    """Not cut into pieces; the certified cost is looser than the exact one, so gains that clip less are tried as well."""
+    spec = Spec(np.eye(2), [[0.05]], 0.98, Ellipsoid(2.2 * np.eye(2)), Box([-1.0], [1.0]))
     result = synthesize(PLANT, spec, hidden=0, verbose=False)
-    assert result.status == "simulation evidence"
+    assert result.status == "certified"
+    assert [one.name for one in result.history] == ["clipped LQR", "halfway gain", "static gain"]
+    assert result.chosen.name == "static gain" and result.chosen.of == "halfway gain"
+    assert result.linear["best static linear gain"] < result.cost < 1.02 * result.linear["best static linear gain"]
     assert any("not uniform over a polytope" in why for why in result.chosen.verdict.refusals)
-    assert float(result.bounds["any controller"]) < result.estimate.mean + 4 * result.estimate.standard_error
+    assert float(result.bounds["any controller"]) < result.estimate.mean < result.cost
 
 
 def test_progress_is_printed_only_when_asked(capsys):
@@ -248,14 +252,21 @@ def test_bad_nouns_are_refused_at_the_door(make, error, words):
         make()
 
 
-def test_a_smooth_law_on_an_unstable_plant_is_only_evidence(monkeypatch):
+def test_a_smooth_law_on_an_unstable_plant_is_certified_only_where_an_ellipsoid_holds_all(monkeypatch):
     def smooth_only(task):
         done = attempt(task)
         law = INC(np.zeros((1, 1)), done.inc.U, done.inc.V, done.inc.K, activation=Tanh())
         return replace(done, inc=law, verdict=gate(task.plant, task.spec, law))
 
     monkeypatch.setattr("synthesis.rounds.attempt", smooth_only)
-    result = synthesize(PLANT, SPEC, hidden=0, verbose=False)
+    wide = Spec(np.eye(2), [[0.05]], 0.98, Box([-1.0, -1.0], [1.0, 1.0]), Box([-1.0], [1.0]))
+    result = synthesize(PLANT, wide, hidden=0, rounds=1, verbose=False)
     assert result.status == "simulation evidence" and result.cost == np.inf
     text = str(result)
-    assert "CERTIFIED" not in text and "not proved" in text and "not piecewise affine" in text
+    assert "CERTIFIED" not in text and "not proved" in text and "not piecewise affine" in text and "ellipsoid" in text
+
+
+def test_a_proof_without_time_leaves_the_result_in_floating_point():
+    spec = Spec(np.eye(2), 0.05, 0.98, Box([-0.8, -0.8], [0.8, 0.8]), Box([-1], [1]))
+    result = synthesize(Plant([[1.1, 1.0], [0.0, 1.02]], [[0.2], [0.5]]), spec, hidden=0, verbose=False, proof_seconds=0.0)
+    assert result.status == "certified" and not result.proof and "In floating point" in str(result)

@@ -9,10 +9,13 @@ import pytest
 from inc_casadi import INC, Box, Empirical, Gaussian, Logistic, Plant, Polytope, ReLU, Saturation, Spec, Tanh
 from inc_casadi.errors import DimensionError, InvalidInputError, NotStabilizableError, SolverError
 from inc_casadi.linear.regulator import discounted_lqr
+from synthesis.ball import balanced
+from synthesis.input_box import inscribed_box
 from synthesis.rollout import Parameters
 from synthesis.starts.random_start import linear_start, random_start
 from synthesis.training import train
-from synthesis.training_setup import balanced, inscribed_box, nodes_of, setup
+from synthesis.training_nodes import nodes_of
+from synthesis.training_setup import setup
 
 # sec. two-state example: no open-loop sequence beats the saturated LQR from any of 60 x 60 Gauss nodes (the sequence
 # meets the optimality conditions of the convex program), so its cost is the optimum.
@@ -305,8 +308,9 @@ def test_refusals():
     for options in ({"frozen": "W"}, {"frozen": ("w",)}, {"method": "magic"}, {"hessian": "exact"}, {"horizon": 0},
                     {"order": 0}, {"max_iterations": -1}, {"time_limit": -1.0}, {"terminal": -np.eye(2)},
                     {"frozen": ("W", "U", "V", "K", "b")}, {"form": "magic"}, {"form": "projected", "method": "graph"},
-                    {"form": "lifted", "hessian": "limited-memory"}, {"steps": "adam"}, {"readout": False},
-                    {"form": "projected", "steps": "sgd"}, {"states": Box([-1, -1], [1, 1])},
+                    {"form": "lifted", "hessian": "limited-memory"}, {"form": "shooting", "steps": "adam"},
+                    {"form": "shooting", "readout": False}, {"form": "projected", "steps": "sgd"},
+                    {"form": "shooting", "states": Box([-1, -1], [1, 1])}, {"steps": "adam", "readout": False},
                     {"form": "lifted", "states": np.eye(2)}):
         with pytest.raises(InvalidInputError):
             train(plant, spec, start, **options)

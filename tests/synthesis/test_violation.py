@@ -104,6 +104,12 @@ def test_penalty_adds_its_square_and_its_gradient(training):
     assert Penalized(objective, graph, values, rho=3.0, margin=-2 * nu).value(x) == pytest.approx(objective.value(x))
 
 
+def test_the_graph_of_the_objective_alone_is_not_taken_for_the_penalized_one(training):
+    objective, graph, values, start = training
+    with pytest.raises(InvalidInputError, match="a Penalized has no graph"):
+        minimize(Penalized(objective, graph, values, rho=1.0), Parameters.of(start), method="graph")
+
+
 def test_training_with_the_penalty_ends_less_violated_than_without(training):
     objective, graph, values, start = training
     ends = [minimize(each, Parameters.of(start), hessian="gauss-newton", max_iterations=40).law

@@ -7,6 +7,7 @@ from inc_casadi import INC, Box, Plant, Polytope, Spec
 from inc_casadi.errors import InfeasibleError, InvalidInputError, NotCertifiedError
 from inc_casadi.linear.regulator import discounted_lqr
 from inc_casadi.linear.static_gain import best_static_gain
+from synthesis.gate import Verdict
 from synthesis.starts.linear_feedback import certified_linear_start, stabilizing_gain
 
 
@@ -88,3 +89,21 @@ def test_what_has_no_certified_gain_is_refused():
     with pytest.raises(InfeasibleError, match="does not show"):
         certified_linear_start(Plant(np.diag([1.5, 0.5]), np.ones((2, 1)), [[0.0, 1.0]]),
                                Spec(np.eye(2), 0.1, 1.0, Box([-1, -1], [1, 1]), Box(-1, 1)))
+
+
+def test_no_clock_decides_which_gain_is_taken(monkeypatch):
+    """Pieces and steps are limited, seconds only on demand; more states, whose pieces have more vertices, get fewer."""
+    budgets = []
+
+    def refused(plant, spec, inc, budget):
+        budgets.append(budget)
+        return Verdict(None, np.inf, (), ("enough",), ())
+
+    monkeypatch.setattr("synthesis.starts.linear_feedback.gate", refused)
+    for n in (1, 4):
+        plant, spec = Plant(0.9 * np.eye(n), np.eye(n)), Spec(np.eye(n), np.eye(n), 0.9, Box(-np.ones(n), np.ones(n)))
+        for more in ({}, {"seconds": 3.0}):
+            with pytest.raises(NotCertifiedError, match="enough"):
+                certified_linear_start(plant, spec, **more)
+    assert {budget.seconds for budget in budgets} == {np.inf, 3.0}
+    assert {budget.pieces for budget in budgets} == {20_000, 5_000} and {budget.steps for budget in budgets} == {500}

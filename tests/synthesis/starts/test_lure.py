@@ -5,8 +5,9 @@ import oracles
 import pytest
 from bmi_draws import draw
 
-from inc_casadi import Box, LeakyReLU, Logistic, Plant, ReLU, Spec, Tanh, certify
-from inc_casadi.errors import DimensionError, InvalidInputError, SolverError
+from benchmarks.plants.oscillators import masses
+from inc_casadi import Box, DiscountedCost, LeakyReLU, Logistic, Plant, ReLU, Spec, Tanh, certify
+from inc_casadi.errors import DimensionError, InfeasibleError, InvalidInputError, SolverError
 from inc_casadi.linear.regulator import discounted_lqr
 from synthesis.starts.lure import saturated_feedback, state_feedback
 
@@ -59,7 +60,42 @@ def test_what_is_not_convex_is_refused(stable):
         saturated_feedback(plant, claim, Box([-0.3, -0.5], [0.3, 0.7]))
     with pytest.raises(InvalidInputError, match="negative"):
         state_feedback(plant, claim, inc.U @ plant.C, Logistic())
-    with pytest.raises(SolverError, match="no feedback"):
+    with pytest.raises(InfeasibleError, match="the open loop costs without end"):
         saturated_feedback(Plant(1.5 * plant.A, plant.B, plant.C), claim, Box([-1, -1], [1, 1]))
     with pytest.raises(DimensionError):
         state_feedback(plant, claim, np.ones((2, 2)))
+
+
+def test_an_unstable_plant_is_refused_just_where_its_open_loop_costs_without_end():
+    """x+ = a x with discount b costs x^2 / (1 - b a^2): finite up to a = b^-1/2, where a bounded input may be certified."""
+    def law(a):
+        claim = DiscountedCost([[1.0]], [[1.0]], 0.81, Box([-1.0], [1.0]))
+        return certify(Plant([[a]], [[1.0]]), saturated_feedback(Plant([[a]], [[1.0]]), claim, Box([-1.0], [1.0])), claim)
+
+    assert law(1.1).holds()
+    with pytest.raises(InfeasibleError, match="spectral radius 1.0008, not below 1"):
+        law(1.112)
+
+
+def test_six_masses_have_a_certified_start_whatever_the_units_of_their_states():
+    case = masses(6)
+    for decades in (0.0, 3.0):
+        T, back = (np.diag(10.0 ** (sign * np.linspace(-decades, decades, 12))) for sign in (1, -1))
+        plant = Plant(T @ case.plant.A @ back, T @ case.plant.B, dt=case.plant.dt)
+        box = Box(T @ case.spec.initial.support.lower, T @ case.spec.initial.support.upper)
+        claim = DiscountedCost(back.T @ case.spec.Q @ back, case.spec.R, case.spec.discount, box)
+        certificate = certify(plant, saturated_feedback(plant, claim, case.spec.inputs), claim, multiplier="sector")
+        assert certificate.holds() and certificate.bound == pytest.approx(42.55, rel=1e-3)
+
+
+def test_a_solver_that_gives_up_is_named_in_our_words(stable, monkeypatch):
+    import cvxpy
+
+    def gives_up(*_, **__):
+        raise cvxpy.error.SolverError("Solver 'CLARABEL' failed. Try another solver, or solve with verbose=True")
+
+    monkeypatch.setattr(cvxpy.Problem, "solve", gives_up)
+    plant, _, claim = stable
+    with pytest.raises(SolverError, match="gave up on a program of 11 rows for numerical reasons") as error:
+        state_feedback(plant, claim)
+    assert "Try another solver" not in str(error.value)
