@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -56,6 +57,11 @@ class Alternation:
         if not (np.isfinite(self.start_bound) and self.certificate.holds()):
             return 0.0
         return 1.0 - self.certificate.bound / self.start_bound
+
+    def plot(self, path: str | Path | None = None) -> Any:
+        """Return a Matplotlib figure of the certified bound by round, and of what was tried; written to `path` when given."""
+        from inc_casadi.plotting import plot_alternation
+        return plot_alternation(self, path)
 
 
 def alternate(plant: Any, inc: INC, claim: Claim, *, kappa: float = 0.95, multiplier: str | Multiplier = "auto",

@@ -121,6 +121,11 @@ class Result:
         from inc_casadi.plotting import plot_result
         return plot_result(self, path)
 
+    def plot_search(self, path: str | Path | None = None) -> Any:
+        """Return a Matplotlib figure of what was tried, when, and at what cost; written to `path` when given."""
+        from inc_casadi.plotting import plot_training
+        return plot_training(self, path)
+
     def save(self, path: str | Path) -> None:
         """Write plant, specification, controller and certificate to a JSON file; `load_result` reads it."""
         from .storage import save_result

@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -58,6 +59,11 @@ class Training:
     def improved(self) -> bool:
         """Whether the returned law costs less than the start."""
         return self.cost < self.start_cost
+
+    def plot(self, path: str | Path | None = None) -> Any:
+        """Return a Matplotlib figure of cost against iterations and seconds, by phase; written to `path` when given."""
+        from inc_casadi.plotting import plot_training
+        return plot_training(self, path)
 
 
 def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: int | None = None,

@@ -72,7 +72,7 @@ def progress_line(record: PlantRecord, done: int, count: int) -> str:
 
     >>> from .sample import record
     >>> progress_line(record(2.0, {"best linear gain": 2.5, "saturated LQR": 2.0}, floor=1.0), 1, 5)
-    '[1/5] made up: INC 2, certified, exact; best linear gain: costs less, saturated LQR: the same; 3.0 s'
+    '[1/5] made up: INC 2, certified, exact: costs less (against best linear gain), the same (against saturated LQR); 3.0 s'
     """
     head = f"[{done}/{count}] {record.plant}: "
     if record.error:
@@ -81,8 +81,8 @@ def progress_line(record: PlantRecord, done: int, count: int) -> str:
     if own is None:
         return f"{head}{len(record.entries)} competitors; {record.seconds:.1f} s"
     words = f"{cost(own)}, {'certified' if own.certified else 'not certified'}, {own.how}"
-    duels = ", ".join(f"{one.rival}: {one.outcome}" for one in (gain_duel(record), saturated_duel(record)))
-    return f"{head}INC {words}; {duels}; {record.seconds:.1f} s"
+    duels = ", ".join(f"{one.outcome} (against {one.rival})" for one in (gain_duel(record), saturated_duel(record)))
+    return f"{head}INC {words}: {duels}; {record.seconds:.1f} s"
 
 
 def _rival(record: PlantRecord, one: Duel) -> str:

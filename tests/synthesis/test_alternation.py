@@ -52,6 +52,13 @@ def test_every_way_lowers_the_bound(way):
     assert found.improvement > 0.05
 
 
+def test_a_step_without_constraints_lowers_the_bound_too():
+    """With W frozen and no inequality imposed, the program of the step has no constraint at all."""
+    plant, inc, claim = draw(*CASES["relu"], seed=1)
+    found = alternate(plant, inc, claim, multiplier="slope", way="gradient", frozen=("W", "U", "K"), max_rounds=4)
+    assert found.certificate.holds() and found.improvement > 0.01 and np.array_equal(found.inc.W, inc.W)
+
+
 @pytest.mark.parametrize("name, size", [("relu", 2.0), ("tanh", 1.0)])
 def test_refused_start_is_made_acceptable(name, size):
     plant, inc, claim = draw(*CASES[name], size=size, seed=3)
