@@ -59,7 +59,7 @@ class Alternation:
         return 1.0 - self.certificate.bound / self.start_bound
 
     def plot(self, path: str | Path | None = None) -> Any:
-        """Return a Matplotlib figure of the certified bound by round, and of what was tried; written to `path` when given."""
+        """Return a Matplotlib figure of the certified bound by round and of what was tried, written to `path` if given."""
         from inc_casadi.plotting import plot_alternation
         return plot_alternation(self, path)
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from . import implicit, separation, two_states
+from . import implicit, scalar_figure, separation, two_states
 from .row import Row, table
 
 
 def all_rows() -> list[Row]:
-    """Return the figures of the implicit example, of the separation theorems and of the two-state example."""
-    return [*implicit.rows(), *separation.rows(), *two_states.rows()]
+    """Return the figures of the implicit example, of the separation theorems and their figure, of the two-state example."""
+    return [*implicit.rows(), *separation.rows(), *scalar_figure.rows(), *two_states.rows()]
 
 
 def report(rows: Sequence[Row]) -> str:

@@ -9,6 +9,7 @@ from inc_casadi import INC, DiscountedCost, certify, fixed_point, simulate
 from inc_casadi.certificate import MatrixCertificate
 from inc_casadi.multipliers import Sector
 
+from .direct_search import direct_search, largest_eigenvalue
 from .row import Row
 
 SOURCE, CERTIFICATE, TABLE = "sec:numerics_implicit", "eq:implicit_example_certificate", "tab:implicit_reproducibility"
@@ -17,7 +18,7 @@ PRINTED = {"P": np.array([[1.3006]]), "Lambda": np.array([0.7749, 0.7749])}
 
 def rows() -> list[Row]:
     """Return the figures of the section, in its order."""
-    return [*_controller(), *_printed_certificate(), *_searched(), *_exact_costs()]
+    return [*_controller(), *_printed_certificate(), *_direct(), *_searched(), *_exact_costs()]
 
 
 def claim() -> DiscountedCost:
@@ -49,9 +50,17 @@ def picard_iterations(inc: INC, tolerance: float = 1e-10) -> int:
     return found.iterations
 
 
+def printed_certificate(W: float = 1.0) -> MatrixCertificate:
+    """Return the certificate of the printed P, Lambda, for a factor on the printed W.
+
+    >>> printed_certificate().holds(), printed_certificate(0.0).holds()
+    (True, False)
+    """
+    return MatrixCertificate(implicit_example().plant, implicit_controller(W), claim(), Sector(), PRINTED)
+
+
 def _printed_certificate() -> list[Row]:
-    plant = implicit_example().plant
-    printed = MatrixCertificate(plant, implicit_controller(), claim(), Sector(), PRINTED)
+    printed = printed_certificate()
     conditions = printed.inequalities.conditions(printed.values)
     return [
         Row("lambda_max of the LMI at the printed P, Lambda", "-2.23e-5",
@@ -59,6 +68,19 @@ def _printed_certificate() -> list[Row]:
         Row("printed P, Lambda hold, 1 = yes", "1", float(printed.holds()), CERTIFICATE),
         Row("printed P, Lambda proved in fractions, 1 = yes", "1", float(printed.prove("exact").succeeded), CERTIFICATE),
         Row("E J at most, printed P", "0.4335", printed.bound, SOURCE),
+    ]
+
+
+def _direct() -> list[Row]:
+    """The search as the section describes it; the cost is not below 1, the weight of x_0."""
+    with_W, without = (printed_certificate(factor).inequalities for factor in (1.0, 0.0))
+    found, plain = direct_search(with_W, 1.0, 3.0), direct_search(without, 1.0, 3.0)
+    return [
+        Row("P, direct search with Lambda = lambda I", "1.3006", found.P, TABLE),
+        Row("lambda, direct search", "0.7749", found.lam, TABLE),
+        Row("lambda_max of the LMI at the searched P, lambda, rounded", "-2.23e-5",
+            largest_eigenvalue(with_W, found.rounded()), TABLE),
+        Row("P, direct search with Lambda = lambda I, W = 0", "1.3570", plain.P, SOURCE),
     ]
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.baselines import saturated_lqr
@@ -15,6 +14,7 @@ from inc_casadi.plotting.cost_panel import AT_LEAST, AT_MOST, FOUND, Row
 from inc_casadi.plotting.separation_figure import plot_separation
 from inc_casadi.plotting.two_state_figure import plot_two_states
 
+from .scalar_figure import SHOWN
 from .separation import exact_cost
 
 MOVES, CELLS = 20, 10_000
@@ -41,9 +41,8 @@ def scalar_separation(r: float = 0.0, path: str | Path | None = None) -> Figure:
 
     r: weight of the input.
     """
-    discounts = np.linspace(0.1, 1.0, 10)
-    floors = [float(bounds.affine_moves(*scalar(float(beta), r)[:2], MOVES)) for beta in discounts]
-    return plot_separation(bounds.ScalarSeparation(1.0, r), (discounts, floors), path)
+    floors = [float(bounds.affine_moves(*scalar(float(beta), r)[:2], MOVES)) for beta in SHOWN]
+    return plot_separation(bounds.ScalarSeparation(1.0, r), (SHOWN, floors), path)
 
 
 def two_states(path: str | Path | None = None) -> Figure:

@@ -83,13 +83,19 @@ def by_inequality(asked: Question, before: Sequence[Finding], until: float) -> F
     return _for_all_states(asked, certificate)
 
 
-def _for_all_states(asked: Question, certificate: MatrixCertificate) -> Passed:
+def _for_all_states(asked: Question, certificate: MatrixCertificate) -> Finding:
     limits, grounds, short = _limits_kept(asked)
+    settles = _settles(asked)
+    if asked.alone and not settles:
+        return Refused(INEQUALITY, f"the cost is bounded with the discount {asked.spec.discount:g}, but no inequality shows "
+                       "that motions come to rest", Cause.UNCERTIFIED, certificate)
     proofs = ["expected cost: linear matrix inequality, for every initial state"]
+    if settles:
+        proofs.append(f"stability: linear matrix inequality, {settles}")
     if asked.spec.inputs is not None and limits:
         proofs.insert(0, f"input limits kept everywhere: {limits}")
     words = f"matrix inequality, multiplier {certificate.multiplier.name}"
-    return Passed(INEQUALITY, certificate, words, limits, "" if asked.alone else _settles(asked), grounds=grounds,
+    return Passed(INEQUALITY, certificate, words, limits, settles, grounds=grounds,
                   proofs=tuple(proofs), short=short)
 
 

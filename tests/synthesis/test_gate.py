@@ -110,3 +110,11 @@ def test_a_tanh_law_of_synthesize_on_an_unstable_plant_is_certified_by_an_ellips
     assert any(isinstance(unit, Tanh) for unit in result.inc.activations) and result.proof
     assert result.estimate.mean < result.cost < 1.2 * result.estimate.mean
     assert result.chosen.verdict.accepted and not result.chosen.verdict.settled
+
+
+def test_a_loop_that_grows_slower_than_the_discount_fades_is_refused():
+    """x+ = 1.019 x has a finite discounted cost; no controller whose motions grow without end is to be signed for."""
+    verdict = gate(Plant(1.02, 1.0), Spec(1.0, 0.0, 0.9, Box(-1, 1)), INC.linear([[-0.001]]))
+    assert not verdict.accepted and any("come to rest" in reason for reason in verdict.refusals)
+    calm = gate(Plant(1.02, 1.0), Spec(1.0, 0.0, 0.9, Gaussian([0.0], [[1.0]])), INC.linear([[-0.5]]))
+    assert calm.accepted and any(words.startswith("stability") for words in calm.proofs)
