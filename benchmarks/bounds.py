@@ -7,6 +7,8 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
+from benchmarks.contest.floors import floors
+from benchmarks.contest.settings import Settings
 from benchmarks.plants import Case, suite
 from inc_casadi import INC, Box
 from inc_casadi.comparison import Comparison, compare
@@ -63,7 +65,7 @@ class Line:
 def lines(cases: Mapping[str, Case], seconds: float = 5.0) -> Iterator[Line]:
     """Yield the line of each plant as soon as it is known.
 
-    seconds: for the bound on static gains, and four times that for the exact pieces of the clipped law
+    seconds: for the bound on static gains; four times that for that on linear controllers, and for the clipped law's pieces
 
     >>> from benchmarks.plants import scalar
     >>> [line] = lines({"scalar": scalar(0.9)})
@@ -122,7 +124,8 @@ def clipped_law(case: Case) -> INC:
 def _line(name: str, case: Case, seconds: float) -> Line:
     begun = perf_counter()
     laws = {key: law for key, law in _laws(case).items() if law is not None}
-    found = compare(case.plant, case.spec, laws, budget=Budget(seconds=4 * seconds), cells=CELLS, seconds=seconds)
+    found = compare(case.plant, case.spec, laws, budget=Budget(seconds=4 * seconds), bounds=())
+    found = replace(found, floors=floors(case, Settings(cells=CELLS, gains=seconds, linear=4 * seconds)))
     dynamic = _tried(lambda: best_dynamic_linear(case.plant, case.spec))
     found = found if dynamic is None else replace(found, rows=(*found.rows, _row(dynamic)))
     return Line(name, found, perf_counter() - begun)

@@ -32,7 +32,7 @@ def parser() -> argparse.ArgumentParser:
     bounds.add_argument("--plant", metavar="NAME", help="one plant of the suite alone")
     speed = kinds.add_parser("speed", help="all measured times but those of the parts, or one part")
     speed.add_argument("part", nargs="?", choices=PARTS, help="one measurement alone")
-    speed.add_argument("--quick", action="store_true", help="of training: two sizes, a second for each run")
+    speed.add_argument("--quick", action="store_true", help="of training: two plants, 8 units, two seeds")
     main = kinds.add_parser("main", help="the time of the main job alone")
     for one in (paper, bounds, speed, main):
         one.add_argument("--out", metavar="DIR", type=Path, help="keep the table there, for the results page")

@@ -46,5 +46,5 @@ def test_other_forms_of_training_are_certified_too(form):
 
 def test_an_unknown_form_of_training_is_refused():
     case = two_state()
-    with pytest.raises(InvalidInputError, match="form is 'shoot', but must be one of shooting, lifted, projected"):
+    with pytest.raises(InvalidInputError, match="form is 'shoot', but must be one of auto, shooting, lifted, projected"):
         synthesize(case.plant, case.spec, form="shoot")
