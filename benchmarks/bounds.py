@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from time import perf_counter
 from typing import Any
 
+from benchmarks.baselines.dynamic import affordable
 from benchmarks.contest.floors import floors
 from benchmarks.contest.settings import Settings
 from benchmarks.plants import Case, suite
@@ -16,7 +17,6 @@ from inc_casadi.comparison.families import LINEAR
 from inc_casadi.comparison.row import CERTIFIED, LYAPUNOV, SIMULATED, VIOLATED, Cost, Finding, Row
 from inc_casadi.errors import INCError, InvalidInputError
 from inc_casadi.figures import at_least, at_most
-from inc_casadi.linear.best_dynamic import best_dynamic_linear
 from inc_casadi.linear.linear_cost import LinearCost
 from inc_casadi.linear.regulator import discounted_lqr
 from inc_casadi.linear.static_gain import best_static_gain
@@ -126,7 +126,7 @@ def _line(name: str, case: Case, seconds: float) -> Line:
     laws = {key: law for key, law in _laws(case).items() if law is not None}
     found = compare(case.plant, case.spec, laws, budget=Budget(seconds=4 * seconds), bounds=())
     found = replace(found, floors=floors(case, Settings(cells=CELLS, gains=seconds, linear=4 * seconds)))
-    dynamic = _tried(lambda: best_dynamic_linear(case.plant, case.spec))
+    dynamic = _tried(lambda: affordable(case))
     found = found if dynamic is None else replace(found, rows=(*found.rows, _row(dynamic)))
     return Line(name, found, perf_counter() - begun)
 

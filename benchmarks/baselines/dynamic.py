@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from inc_casadi.errors import InfeasibleError
-from inc_casadi.linear import LinearController, best_dynamic_linear
+from inc_casadi.linear import LinearController, LinearCost, best_dynamic_linear
 
 from ..plants.paper import Case
 
@@ -27,10 +27,22 @@ def best_dynamic(case: Case, seed: int = 0) -> LinearController:
     >>> best_dynamic(scalar(0.9, 0.05)).order
     20
     """
+    return affordable(case).controller
+
+
+def affordable(case: Case) -> LinearCost:
+    """Return the controller of `best_dynamic` with its certificate of cost and limits.
+
+    Raises what `best_dynamic` raises.
+
+    >>> from benchmarks.plants import two_state
+    >>> round(affordable(two_state()).bound, 4)
+    2.1168
+    """
     moves = max(1, next((N for N in range(MOVES, 0, -1) if work(case, N) <= WORK), 1))
     while True:
         try:
-            return best_dynamic_linear(case.plant, case.spec, moves).controller
+            return best_dynamic_linear(case.plant, case.spec, moves)
         except InfeasibleError:
             moves *= 2
             if moves > 4 * MOVES or work(case, moves) > MORE_WORK:
