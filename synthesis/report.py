@@ -9,6 +9,7 @@ from inc_casadi.figures import at_least, at_most
 from inc_casadi.regional_certificate import RegionalCertificate
 
 from .comparison import THIS
+from .progress import counted
 from .result import CERTIFIED, Result
 
 WIDTH = 43
@@ -18,7 +19,7 @@ def table(result: Result) -> str:
     """Return the result as lines of "what  figure": status, proofs, costs, bounds, the sentence that follows, times."""
     rows: list[tuple[str, str]] = [("status", result.status.upper() if result.status == CERTIFIED else result.status)]
     if result.chosen is not None and result.inc is not None:
-        rows.append(("controller", f"{result.chosen.name}: {result.inc.q} hidden units"))
+        rows.append(("controller", f"{result.chosen.name}: {counted(result.inc.q, 'hidden unit')}"))
     verdict = result.chosen.verdict if result.chosen is not None else None
     if verdict is not None:
         rows += [("proved", words) for words in verdict.proofs]

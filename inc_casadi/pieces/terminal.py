@@ -18,6 +18,7 @@ from .linear import discounted_lyapunov, identity, positive_definite, solve
 
 LEVEL_SHRINK = 1 - 1e-9
 TAIL_SLACK = 1e-10
+TAIL_SHARES = (1e-14, 1e-13, 1e-12)
 CONSTANT_SLACK = 1e-12
 
 
@@ -124,15 +125,25 @@ def _affine_loop(loop: PiecewiseLoop) -> tuple[np.ndarray, Laws, Array, Array] |
 
 
 def in_fractions(loop: PiecewiseLoop, claim: Regional, found: TerminalSet) -> TerminalSet:
-    """Return the set in Fractions with the exact equilibrium and a tail bound that is strict by a small slack."""
+    """Return the set in Fractions with the exact equilibrium and a tail bound that is strict by a small slack.
+
+    The slack makes up for the rounding of the tail, and is part of every cost that is proved. So shares of the tail itself
+    are tried first, the least that suffices, whatever the units of the states are; and where the tail is singular a share of
+    the stage cost's size in every direction.
+    """
     law = loop.laws(found.pattern[None])
     A_star = loop.numbers(loop.plant.A) + loop.numbers(loop.plant.B) @ law.Gx[0]
     rest = solve(identity(loop.plant.n, A_star) - A_star, (loop.numbers(loop.plant.B) @ law.g[0])[:, None])[:, 0]
-    tail = _tail(claim, law.Gx[0].astype(float), law.g[0].astype(float), A_star.astype(float), rest.astype(float),
-                 slack=TAIL_SLACK)
-    assert tail is not None
-    number = loop.numbers
-    return TerminalSet(found.pattern, rest, number(found.P), number(np.array(found.level)).item(), number(tail))
+    rounded_law = (law.Gx[0].astype(float), law.g[0].astype(float), A_star.astype(float), rest.astype(float))
+    number, exact = loop.numbers, None
+    for share in (*TAIL_SHARES, None):
+        tail = _tail(claim, *rounded_law, slack=TAIL_SLACK if share is None else 0.0, share=share or 0.0)
+        assert tail is not None
+        exact = TerminalSet(found.pattern, rest, number(found.P), number(np.array(found.level)).item(), number(tail))
+        if _tail_refusal(loop, claim, exact, law.Gx[0], law.g[0], A_star) is None:
+            break
+    assert exact is not None
+    return exact
 
 
 def in_places(exact: TerminalSet, share: float) -> TerminalSet:
@@ -190,16 +201,20 @@ def _stage_form(claim: Regional, Gx: Array, g: Array, x: Array, number) -> Array
     return form
 
 
-def _tail(claim: Regional, Gx: Array, g: Array, A_star: Array, x: Array, slack: float) -> Array | None:
+def _tail(claim: Regional, Gx: Array, g: Array, A_star: Array, x: Array, slack: float,
+          share: float = 0.0) -> Array | None:
     n, beta = x.shape[0], claim.discount
     form = _stage_form(claim, Gx, g, x, np.asarray)
     scale = float(np.trace(form[:n, :n])) / n
     tail = np.zeros((n + 1, n + 1))
-    tail[:n, :n] = discounted_lyapunov(A_star, form[:n, :n] + slack * scale * np.eye(n), beta)
+    stage = form[:n, :n] + slack * scale * np.eye(n)
+    tail[:n, :n] = discounted_lyapunov(A_star, stage, beta)
+    if share:
+        tail[:n, :n] = discounted_lyapunov(A_star, stage + share * tail[:n, :n], beta)
     if beta < 1:
         p = np.linalg.solve(np.eye(n) - beta * A_star.T, form[:n, n])
         tail[:n, n], tail[n, :n] = p, p
-        tail[n, n] = form[n, n] * (1 + (CONSTANT_SLACK if slack else 0.0)) / (1 - beta)
+        tail[n, n] = form[n, n] * (1 + (CONSTANT_SLACK if slack or share else 0.0)) / (1 - beta)
     elif form[n, n] > 1e-20 * scale:
         return None
     return tail

@@ -417,3 +417,13 @@ def test_a_proof_that_runs_out_of_time_says_so_and_proves_nothing():
     assert found.prove(seconds=60.0)
     late = found.prove(seconds=0.0)
     assert not late and "time limit" in late.reason
+
+
+def test_a_proof_does_not_depend_on_the_units_of_the_states():
+    """States in units of 1e-4: what makes the tail strict must be small beside the tail itself in every direction."""
+    T = np.diag([1.0, 1e-4])
+    plant = Plant(np.linalg.solve(T, PLANT.A @ T), np.linalg.solve(T, PLANT.B))
+    wide = Regional(Box([-0.8, -8000.0], [0.8, 8000.0]), UNIT, T @ np.eye(2) @ T, [[0.05]], 0.98)
+    found = certify_region(plant, INC.saturated(K @ T, 1.0), wide)
+    proof = found.prove()
+    assert proof and "every polytope" in proof.method and found.bound == pytest.approx(saturated().bound, rel=1e-8)
