@@ -172,7 +172,7 @@ def _matrices(program: AffineProgram, cuts: Cuts, features: list[tuple[Array, Ar
         grid[k][k] = sparse.eye_array(plant.n * s)
         if k:
             grid[k][k - 1] = -damping[k + 1] / damping[k] * sparse.kron(A, sparse.eye_array(s))
-        grid[k][N + k] = -damping[k + 1] / damping[k] * sparse.kron(B, FL.T)
+        grid[k][N + k] = -damping[k + 1] / damping[k] * sparse.kron(sparse.coo_array(B), FL.T)
         mine = cuts.move == k
         values = (F @ extended(cuts.point[:, mine])).T
         rows = H[cuts.facet[mine]][:, :, None] * values[:, None, :]

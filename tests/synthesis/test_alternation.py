@@ -38,7 +38,7 @@ def test_bound_falls_to_the_best_static_linear_gain_and_is_proved(name):
     floor = best_static_gain(plant, Spec(claim.Q, claim.R, claim.discount, claim.initial)).cost
     assert np.all(np.diff(bounds(found)) <= 0) and found.improvement > 0.01
     assert found.certificate.holds() and found.certificate.prove()
-    assert floor * (1 - 1e-6) <= found.certificate.bound <= 1.01 * floor
+    assert floor * (1 - 1e-6) <= found.certificate.bound <= 1.03 * floor
     assert simulated(plant, found.inc, claim) <= found.certificate.bound
     assert np.max(np.abs(found.inc.W).sum(axis=1)) <= 0.95
     assert found.start_bound == pytest.approx(certify(plant, inc, claim, multiplier="sector").bound, rel=1e-4)
