@@ -156,7 +156,7 @@ def test_an_interruption_keeps_what_was_finished(monkeypatch):
 
 
 def test_an_interruption_of_the_proof_keeps_the_result(monkeypatch):
-    def interrupted(self):
+    def interrupted(self, seconds=None):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("inc_casadi.regional_certificate.RegionalCertificate.prove", interrupted)
