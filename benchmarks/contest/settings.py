@@ -47,7 +47,7 @@ class Settings:
     gains: float = 5.0
     region: float = 2.0
     cells: int = 3_000
-    samples: int = 20_000
+    samples: int = 4_000
     limit: float = 100.0
     only: tuple[str, ...] = ()
 
