@@ -102,6 +102,7 @@ def test_a_bias_free_relu_controller_passes_by_pieces_though_it_rests_on_its_kin
     assert any("converges from every initial state" in words for words in verdict.proofs)
 
 
+@pytest.mark.slow
 def test_a_tanh_law_of_synthesize_on_an_unstable_plant_is_certified_by_an_ellipsoid():
     plant = Plant([[1.10, 1.00], [0.0, 1.02]], [[0.20], [0.50]])
     spec = Spec(np.eye(2), 0.05, 0.98, Ellipsoid(np.eye(2) / 0.16), Box(-1, 1))

@@ -83,6 +83,7 @@ def test_the_vehicle_s_ellipsoid_is_at_least_ten_times_the_published_one():
     assert certified_and_sampled(plant, inc).volume > 10 * VEHICLE_VOLUME
 
 
+@pytest.mark.slow
 def test_the_pendulum_s_linear_part_has_four_times_the_recomputed_area():
     # The published figure (area 1.7499) is of a pendulum with sin; the linear part is recomputed with the same box, 0.1.
     plant, inc = published_loop("yin_pendulum_sat")

@@ -36,6 +36,7 @@ def value(looks):
     return expected(SPEC, P[STEPS], found.cells, found.values)[0]
 
 
+@pytest.mark.slow
 def test_the_longer_the_clock_runs_the_more_is_proved(monkeypatch):
     monkeypatch.setattr(refinement, "_SMALL", 2**12)  # several looks in each round
     proved = [value(looks) for looks in range(0, 60)]
