@@ -12,7 +12,7 @@ from inc_casadi.graph import units_graph
 
 from .flow import Path
 from .ipopt import ca
-from .lifted_stages import rounded_clip
+from .lifted_stages import anchor_stage, matrices, quadratic, rounded_clip
 from .objective import Layout
 from .rollout import Parameters, Scenario
 from .stagewise import Copies, Spread, Stage, Stagewise
@@ -94,7 +94,8 @@ class Collocated:
             row, column = np.append(row, np.arange(P - m, P)), np.append(column, layout.size + np.arange(m))
             factor, fixed[P - m:] = np.append(factor, np.ones(m)), 0.0
             z0 = np.arange(layout.size + m, self.head)[:, None]
-            copies.append(Copies(self._anchor(smoothing), z0, np.zeros(z0.shape), np.zeros((0, 1)), intervals.rows.size))
+            still = anchor_stage(scenario, layout, smoothing)
+            copies.append(Copies(still, z0, np.zeros(z0.shape), np.zeros((0, 1)), intervals.rows.size))
         rows, columns = np.nonzero(layout.rows)
         norms = ca.DM.triplet(rows.tolist(), columns.tolist(), ca.DM(layout.rows[rows, columns]), layout.rows.shape[0], size)
         return Stagewise(size, Spread(fixed, row, column, factor), tuple(copies), norms)
@@ -142,33 +143,16 @@ class Collocated:
         scenario, points = self.scenario, self.points
         n, m = scenario.B.shape
         theta, data, start = ca.SX.sym("theta", self.layout.fixed.size), ca.SX.sym("data", 2), ca.SX.sym("start", n)
-        W, U, V, K, b, d = self._matrices(theta)
+        W, U, V, K, b, d = matrices(self.layout, theta)
         z, v, x = ([ca.SX.sym(f"{name}{j}", size) for j in range(points.c.size)]
                    for name, size in (("z", scenario.q), ("v", m), ("x", n)))
         moved = ca.horzcat(start, *x) @ ca.DM(points.derivative)
-        residuals, cost = [], data[1] * _quadratic(scenario.terminal, x[-1])
+        residuals, cost = [], data[1] * quadratic(scenario.terminal, x[-1])
         for j, share in enumerate(self.step * points.weights * scenario.discount ** (self.step * points.c)):
             eta, y = units_graph(scenario.units, z[j], smoothing), ca.DM(scenario.C) @ x[j]
             u = rounded_clip(v[j], scenario.lower, scenario.upper, smoothing)
             flow = self.step * (ca.DM(scenario.A) @ x[j] + ca.DM(scenario.B) @ u)
             residuals += [W @ eta + U @ y + b - z[j], K @ y + V @ eta + d - v[j], flow - moved[:, j]]
-            cost += data[0] * share * (_quadratic(scenario.Q, x[j]) + _quadratic(scenario.R, u))
+            cost += data[0] * share * (quadratic(scenario.Q, x[j]) + quadratic(scenario.R, u))
         s = ca.vertcat(start, *[part for point in zip(z, v, x, strict=True) for part in point])
         return Stage(theta, s, data, cost, ca.vertcat(*residuals))
-
-    def _anchor(self, smoothing: float) -> Stage:
-        theta, z = ca.SX.sym("theta", self.layout.fixed.size), ca.SX.sym("z", self.scenario.q)
-        W, _, V, _, b, d = self._matrices(theta)
-        eta = units_graph(self.scenario.units, z, smoothing)
-        return Stage(theta, z, ca.SX(0, 1), ca.SX(1, 1), ca.vertcat(W @ eta + b - z, V @ eta + d))
-
-    def _matrices(self, theta: ca.SX) -> list[ca.SX]:
-        shapes = self.layout.shapes
-        ends = np.cumsum([0] + [int(np.prod(shape)) for shape in shapes]).tolist()
-        parts = [theta[low:high] for low, high in zip(ends[:-1], ends[1:], strict=True)]
-        return [ca.reshape(part, shape[1], shape[0]).T if len(shape) == 2 else part
-                for part, shape in zip(parts, shapes, strict=True)]
-
-
-def _quadratic(weight: Array, a: ca.SX) -> ca.SX:
-    return ca.dot(a, ca.DM(weight) @ a)

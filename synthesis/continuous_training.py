@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from inc_casadi.arrays import number
-from inc_casadi.errors import DimensionError, InvalidInputError
+from inc_casadi.errors import InvalidInputError
 from inc_casadi.inc import INC
 from inc_casadi.plant import Plant, as_plant
 from inc_casadi.sets.rules import whole
@@ -20,6 +20,7 @@ from .collocation_search import LEVELS, minimize_collocated
 from .continuous_setup import COARSE, FINE, ContinuousSetup, continuous_setup
 from .rollout import Parameters
 from .training import Training
+from .training_options import check_start
 
 _GAIN = 1e-6  # relative; a smaller gain is within the error of the integrator, and the start is the simpler law
 
@@ -142,13 +143,4 @@ def _check(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[
     if plant.discrete:
         raise InvalidInputError(f"train_continuous is for plants in continuous time, but the plant has dt = {plant.dt:g}: "
                                 "use train")
-    spec.check(plant)
-    if not isinstance(start, INC):
-        raise InvalidInputError(f"start must be an INC, not {type(start).__name__}")
-    if (start.p, start.m) != (plant.p, plant.m):
-        raise DimensionError(f"start maps {start.p} measurements to {start.m} inputs, but the plant has {plant.p} "
-                             f"measurements and {plant.m} inputs")
-    number("kappa", kappa, 0.0, 1.0, open_low=True, open_high=True)
-    unknown = set(frozen) - set(Parameters._fields)
-    if isinstance(frozen, str) or unknown:
-        raise InvalidInputError(f"frozen must list names among {', '.join(Parameters._fields)}, not {frozen!r}")
+    check_start(plant, spec, start, kappa, frozen)

@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
 from inc_casadi.arrays import Array
 
-from .ipopt import Stop, Watch, options, run
+from .levels import LEVELS, POOR, by_levels
 from .lifted_stages import Lifted
 from .objective import Objective
 from .outcome import Outcome, Progress, Track
 from .rollout import Motion, Parameters, Scenario, hidden, roll
 
-LEVELS = (0.1, 0.01, 0.001)
-_POOR = 4.0  # a start this many times above the cost scale is left for the motion of a given gain
 _OUTSIDE = 100.0  # the worth of a law: its cost and this many times the cost scale at once the size of a set outside
-_BARRIER, _WARM = 1e-2, 1e-4  # IPOPT's first barrier parameter, from a start and from the level before
-# Scaling by a maximal matching makes MUMPS delay the pivots of the fixed points: some factorizations take 30 times longer.
-_MUMPS = {"ipopt.mumps_permuting_scaling": 0, "ipopt.mumps_pivot_order": 5}
 
 
 def minimize_lifted(objective: Objective, start: Parameters, *, readout: bool = True,
@@ -56,45 +49,14 @@ def minimize_lifted(objective: Objective, start: Parameters, *, readout: bool = 
     begin = _begin(objective, objective.layout.parameters(x), gain)
     if not np.all(np.isfinite(begin.x)):
         return track.outcome(start, "failed: the start and its gain lose the state")
-    point: dict[str, Any] = {"x0": form.point(x, objective.layout.parameters(x), begin)}
-    status, spent = "nothing searched", 0
-    for level in levels:
-        before = len(track.history)
-        left = max_iterations - spent
-        share = left if level == levels[-1] else -(-max_iterations // len(levels))
-        if left <= 0 or track.late or status == "interrupted":
-            break
-        status, found = _solve(form, level, point, min(share, left), track)
-        if found is None:
-            break
-        point = {"x0": found["x"], "lam_x0": found["lam_x"], "lam_g0": found["lam_g"]}
-        spent += len(track.history) - before - 1
-    return track.outcome(start, status)
 
-
-def _solve(form: Lifted, level: float, point: dict[str, Any], iterations: int,
-           track: Track) -> tuple[str, dict[str, Any] | None]:
-    problem, stop, bounds = form.problem(level), Stop(), form.bounds()
-    x, f, g = problem.expressions()
-    late = False
-
-    def seen(variables: Array, value: float) -> None:
-        nonlocal late
+    def note(variables: Array) -> None:
         law = form.layout.parameters(variables[:form.layout.size])
         motion = roll(form.scenario, law)
         track.note(law, motion.cost, motion.cost + _OUTSIDE * form.scale * outside(form, motion))
-        late = track.late
-        stop.requested = stop.requested or late
 
-    warm = "lam_g0" in point
-    chosen = options(iterations, None if np.isinf(track.limit) else track.limit - track.seconds) | _MUMPS | {
-        "iteration_callback": Watch(problem.size, g.numel(), seen, stop), "ipopt.mu_init": _WARM if warm else _BARRIER,
-        "ipopt.warm_start_init_point": "yes" if warm else "no", "ipopt.acceptable_constr_viol_tol": 1e-6,
-        "grad_f": problem.gradient(), "jac_g": problem.jacobian(), "hess_lag": problem.hessian()}
-    status, found = run({"x": x, "f": f, "g": g}, chosen, point | bounds, stop)
-    if stop.failure is not None:
-        raise stop.failure
-    return ("time limit" if late else status), found
+    x0 = form.point(x, objective.layout.parameters(x), begin)
+    return track.outcome(start, by_levels(form, levels, x0, max_iterations, track, note))
 
 
 def outside(form: Lifted, motion: Motion) -> float:
@@ -109,7 +71,7 @@ def outside(form: Lifted, motion: Motion) -> float:
 
 def _begin(objective: Objective, law: Parameters, gain: Array | None) -> Motion:
     own = roll(objective.scenario, law)
-    if gain is None or own.cost <= _POOR * objective.scale:
+    if gain is None or own.cost <= POOR * objective.scale:
         return own
     return _along(objective.scenario, law, gain)
 

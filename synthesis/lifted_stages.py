@@ -71,7 +71,8 @@ class Lifted:
             row, column = np.append(row, np.arange(P - m, P)), np.append(column, after + np.arange(m))
             factor, fixed[P - m:] = np.append(factor, np.ones(m)), 0.0
             z0 = np.arange(after + m, self.head)[:, None]
-            copies.append(Copies(self._anchor(smoothing), z0, np.zeros(z0.shape), np.zeros((0, 1)), stages.rows.size))
+            still = anchor_stage(scenario, layout, smoothing)
+            copies.append(Copies(still, z0, np.zeros(z0.shape), np.zeros((0, 1)), stages.rows.size))
         return Stagewise(size, Spread(fixed, row, column, factor), tuple(copies), self._linear(size))
 
     def _linear(self, size: int) -> ca.DM:
@@ -133,7 +134,7 @@ class Lifted:
         n, m = scenario.B.shape
         theta, data = ca.SX.sym("theta", self.layout.fixed.size), ca.SX.sym("data", 3)
         x, z, v, after = (ca.SX.sym(name, size) for name, size in (("x", n), ("z", scenario.q), ("v", m), ("after", n)))
-        W, U, V, K, b, d = self._matrices(theta)
+        W, U, V, K, b, d = matrices(self.layout, theta)
         eta, y = units_graph(scenario.units, z, smoothing), ca.DM(scenario.C) @ x
         u = rounded_clip(v, scenario.lower, scenario.upper, smoothing) if self.readout else v
         residuals = [W @ eta + U @ y + b - z, K @ y + V @ eta + d - v, ca.DM(scenario.A) @ x + ca.DM(scenario.B) @ u - after]
@@ -141,22 +142,31 @@ class Lifted:
             residuals.append(ca.DM(scenario.H) @ u)
         if self.states is not None:
             residuals.append(ca.DM(self.states[0]) @ after)
-        cost = (data[0] * _quadratic(scenario.R, u) + data[1] * _quadratic(scenario.Q, after)
-                + data[2] * _quadratic(scenario.terminal, after))
+        cost = (data[0] * quadratic(scenario.R, u) + data[1] * quadratic(scenario.Q, after)
+                + data[2] * quadratic(scenario.terminal, after))
         return Stage(theta, ca.vertcat(x, z, v, after), data, cost, ca.vertcat(*residuals))
 
-    def _anchor(self, smoothing: float) -> Stage:
-        theta, z = ca.SX.sym("theta", self.layout.fixed.size), ca.SX.sym("z", self.scenario.q)
-        W, _, V, _, b, d = self._matrices(theta)
-        eta = units_graph(self.scenario.units, z, smoothing)
-        return Stage(theta, z, ca.SX(0, 1), ca.SX(1, 1), ca.vertcat(W @ eta + b - z, V @ eta + d))
 
-    def _matrices(self, theta: ca.SX) -> list[ca.SX]:
-        shapes = self.layout.shapes
-        ends = np.cumsum([0] + [int(np.prod(shape)) for shape in shapes]).tolist()
-        parts = [theta[low:high] for low, high in zip(ends[:-1], ends[1:], strict=True)]
-        return [ca.reshape(part, shape[1], shape[0]).T if len(shape) == 2 else part
-                for part, shape in zip(parts, shapes, strict=True)]
+def anchor_stage(scenario: Scenario, layout: Layout, smoothing: float) -> Stage:
+    """Return the stage that keeps the law at its fixed point, and its output at 0, for y = 0."""
+    theta, z = ca.SX.sym("theta", layout.fixed.size), ca.SX.sym("z", scenario.q)
+    W, _, V, _, b, d = matrices(layout, theta)
+    eta = units_graph(scenario.units, z, smoothing)
+    return Stage(theta, z, ca.SX(0, 1), ca.SX(1, 1), ca.vertcat(W @ eta + b - z, V @ eta + d))
+
+
+def matrices(layout: Layout, theta: ca.SX) -> list[ca.SX]:
+    """Return W, U, V, K, b, d among the entries of a law, row by row in theta."""
+    shapes = layout.shapes
+    ends = np.cumsum([0] + [int(np.prod(shape)) for shape in shapes]).tolist()
+    parts = [theta[low:high] for low, high in zip(ends[:-1], ends[1:], strict=True)]
+    return [ca.reshape(part, shape[1], shape[0]).T if len(shape) == 2 else part
+            for part, shape in zip(parts, shapes, strict=True)]
+
+
+def quadratic(weight: Array, a: ca.SX) -> ca.SX:
+    """Return a' weight a."""
+    return ca.dot(a, ca.DM(weight) @ a)
 
 
 def rounded_clip(v: ca.SX, lower: Array, upper: Array, smoothing: float) -> ca.SX:
@@ -182,6 +192,3 @@ def rounded_clip(v: ca.SX, lower: Array, upper: Array, smoothing: float) -> ca.S
         rows.append(out)
     return ca.vertcat(*rows)
 
-
-def _quadratic(weight: Array, a: ca.SX) -> ca.SX:
-    return ca.dot(a, ca.DM(weight) @ a)

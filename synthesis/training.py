@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inc_casadi.arrays import number
-from inc_casadi.errors import DimensionError, InvalidInputError
+from inc_casadi.errors import InvalidInputError
 from inc_casadi.inc import INC
 from inc_casadi.plant import Plant, as_plant
 from inc_casadi.sets import Box, Polytope
@@ -24,7 +24,7 @@ from .ball import balanced, row_bound
 from .input_box import inscribed_box
 from .phases import Search
 from .rollout import Parameters
-from .training_options import form_of, settled
+from .training_options import check_start, form_of, settled
 from .training_setup import Setup, setup
 
 _GAIN = 1e-7  # relative; a smaller gain is noise of the estimate, and the start is the simpler law
@@ -188,13 +188,4 @@ def _check(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[
     if not plant.discrete:
         raise InvalidInputError("training rolls the loop out in discrete time, but the plant is continuous (dt = 0): "
                                 "sample it first, plant.sampled(dt)")
-    spec.check(plant)
-    if not isinstance(start, INC):
-        raise InvalidInputError(f"start must be an INC, not {type(start).__name__}")
-    if (start.p, start.m) != (plant.p, plant.m):
-        raise DimensionError(f"start maps {start.p} measurements to {start.m} inputs, but the plant has {plant.p} "
-                             f"measurements and {plant.m} inputs")
-    number("kappa", kappa, 0.0, 1.0, open_low=True, open_high=True)
-    unknown = set(frozen) - set(Parameters._fields)
-    if isinstance(frozen, str) or unknown:
-        raise InvalidInputError(f"frozen must list names among {', '.join(Parameters._fields)}, not {frozen!r}")
+    check_start(plant, spec, start, kappa, frozen)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 
+from inc_casadi.arrays import number
 from inc_casadi.errors import DimensionError, InvalidInputError
+from inc_casadi.inc import INC
 from inc_casadi.plant import Plant
 from inc_casadi.sets import Box, Polytope
+from inc_casadi.spec import Spec
 
 from .phases import FORMS, Form
+from .rollout import Parameters
 from .training_nodes import COARSE
 from .training_setup import Setup
 
@@ -62,3 +67,22 @@ def _check_states(plant: Plant, states: Box | Polytope | None) -> None:
         raise InvalidInputError(f"states must be a Box or a Polytope, not {type(states).__name__}")
     if states.dimension != plant.n:
         raise DimensionError(f"states has dimension {states.dimension}, but the plant has n = {plant.n} states")
+
+
+def check_start(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[str]) -> None:
+    """Refuse a start, a bound or names that no training takes.
+
+    Raises
+    ------
+    DimensionError, InvalidInputError : what does not fit, by name
+    """
+    spec.check(plant)
+    if not isinstance(start, INC):
+        raise InvalidInputError(f"start must be an INC, not {type(start).__name__}")
+    if (start.p, start.m) != (plant.p, plant.m):
+        raise DimensionError(f"start maps {start.p} measurements to {start.m} inputs, but the plant has {plant.p} "
+                             f"measurements and {plant.m} inputs")
+    number("kappa", kappa, 0.0, 1.0, open_low=True, open_high=True)
+    unknown = set(frozen) - set(Parameters._fields)
+    if isinstance(frozen, str) or unknown:
+        raise InvalidInputError(f"frozen must list names among {', '.join(Parameters._fields)}, not {frozen!r}")
