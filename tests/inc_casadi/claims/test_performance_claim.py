@@ -40,11 +40,12 @@ def test_bound_is_the_expectation_of_the_quadratic(initial, moment):
     assert isinstance(claim.initial, Uniform | Gaussian | Empirical)
 
 
-def test_fractions_cvxpy_and_casadi_read_the_same():
+@pytest.mark.parametrize("dt", [1.0, 0.0])
+def test_fractions_rounding_cvxpy_and_casadi_read_the_same(dt):
     import casadi as ca
     import cvxpy as cp
     rng = np.random.default_rng(31)
-    loop = close_loop(draws.plant(rng), draws.controller(rng))
+    loop = close_loop(draws.plant(rng, dt=dt), draws.controller(rng))
     n, m, size = loop.n, loop.plant.m, loop.n + loop.q
     claim = DiscountedCost(np.diag([1.0, 2.0, 0.3]), np.diag([0.1, 0.7]), 0.9, Box(-np.ones(n), np.ones(n)))
     P, M = rng.normal(size=(n, n)), rng.normal(size=(size, size))
