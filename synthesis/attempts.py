@@ -15,6 +15,7 @@ from inc_casadi import INC, Box, Plant, Spec
 from inc_casadi.activations import Activation
 from inc_casadi.errors import INCError, InvalidInputError
 from inc_casadi.estimate import estimate
+from inc_casadi.judgement.clipped import MOST_FOLLOWED
 from inc_casadi.pieces.walk import Budget
 from inc_casadi.sets import Polytope, Uniform
 
@@ -89,10 +90,12 @@ def plan(plant: Plant, spec: Spec, hidden: int, activation: Activation, kappa: f
          options: Mapping[str, Any] | None = None) -> tuple[Task, ...]:
     """Return the first round: the laws given, and the starts that suit the problem, as they are and trained.
 
-    LQR needs the full state and a box or no limits, other problems a static gain. starts: these instead.
+    LQR needs the full state and a box or no limits, other problems a static gain. Where the cost of clipped laws is hardly
+    worked out, a gain that is seldom clipped comes first: it takes little time, and its cost is nearly known. starts: these
+    instead.
     """
     task = Task("", AS_IT_IS, plant, spec, hidden, activation, kappa, seed, seconds, iterations, frozen=tuple(frozen),
-                form=form, options=dict(options or {}), biased=_cut_into_pieces(spec) or not rests_at_zero(spec))
+                form=form, options=dict(options or {}), biased=cut_into_pieces(spec) or not rests_at_zero(spec))
     ways = (AS_IT_IS, TRAINED) if hidden else (AS_IT_IS,)
     laws = [{AS_IT_IS: law, TRAINED: with_room(inner_of(law, spec), task)} for law in given]
     tasks = [replace(task, start=f"given {i + 1}", way=way, law=law[way]) for i, law in enumerate(laws) for way in ways]
@@ -102,13 +105,14 @@ def plan(plant: Plant, spec: Spec, hidden: int, activation: Activation, kappa: f
     simple = isinstance(spec.inputs, Box) or spec.inputs is None
     informed = ["clipped LQR"] if plant.full_state and simple else ["static gain"]
     clipped = ["clipped gain"] if informed == ["static gain"] and isinstance(spec.inputs, Box) else []
-    tasks += [replace(task, start=name) for name in informed + clipped]
+    known = ["seldom clipped gain"] if plant.n > MOST_FOLLOWED else []
+    tasks += [replace(task, start=name) for name in known + informed + clipped]
     if hidden:
         tasks += [replace(task, start=name, way=TRAINED) for name in (*informed, "random")]
     return tuple(tasks)
 
 
-def _cut_into_pieces(spec: Spec) -> bool:
+def cut_into_pieces(spec: Spec) -> bool:
     """Whether the exact proof, which takes biases as they are, applies to the initial distribution."""
     return isinstance(spec.initial, Uniform) and isinstance(spec.initial.support, Box | Polytope)
 

@@ -9,8 +9,9 @@ import numpy as np
 
 from inc_casadi import ReLU
 from inc_casadi.certificate import MatrixCertificate
+from inc_casadi.linear import UnswitchedCost
 
-from .attempts import AS_IT_IS, CERTIFIED, TRAINED, Task, with_room
+from .attempts import AS_IT_IS, CERTIFIED, TRAINED, Task, cut_into_pieces, with_room
 from .causes import Cause, first_of
 from .readout import built_in
 from .registry import may_suit
@@ -18,9 +19,11 @@ from .result import Attempt
 
 TIGHTER, SHORTEST = 0.8, 15
 MOST_UNITS = 32
-OTHER_STARTS = (("MPC", AS_IT_IS), ("sector inequality", AS_IT_IS), ("explicit MPC", AS_IT_IS), ("compressed MPC", TRAINED))
+OTHER_STARTS = (("seldom clipped gain", AS_IT_IS), ("MPC", AS_IT_IS), ("sector inequality", AS_IT_IS),
+                ("explicit MPC", AS_IT_IS), ("compressed MPC", TRAINED))
 _CALMER = {"clipped gain": "halfway gain", "stabilizing gain": "halfway gain", "halfway gain": "certified linear"}
-_FEWER_CLIPPED = {"clipped LQR": "halfway gain", "clipped gain": "halfway gain", "halfway gain": "static gain"}
+_FEWER_CLIPPED = {"clipped LQR": "halfway gain", "clipped gain": "halfway gain", "halfway gain": "static gain",
+                  "static gain": "seldom clipped gain"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +55,7 @@ def repairs(history: Sequence[Done], latest: Sequence[Done]) -> tuple[Task, ...]
     rests on kinks                 other units
     not piecewise affine           ReLU units instead
     no matrix inequality           retrain with the certificate
-    certified, on an ellipsoid     a gain clipped less often, then one that is not clipped at first: its bound is closer
+    certified by a loose bound     a gain clipped less often, one that is not clipped at first, one that seldom is
     """
     best = best_certified(history)
     tasks = [_retry(one, best) for one in latest]
@@ -60,11 +63,15 @@ def repairs(history: Sequence[Done], latest: Sequence[Done]) -> tuple[Task, ...]
 
 
 def improvements(history: Sequence[Done]) -> tuple[Task, ...]:
-    """Return what lowers a bound that a matrix inequality certifies: the BMI loop, once, on the best such law."""
+    """Return what lowers a bound that a matrix inequality certifies: the BMI loop, once, on the best such law.
+
+    A law that never switches is such a law where exact pieces do not apply.
+    """
     best = best_certified(history)
     if best is None or best.attempt.verdict is None or best.task.way == CERTIFIED or best.attempt.inc is None:
         return ()
-    if not isinstance(best.attempt.verdict.certificate, MatrixCertificate):
+    unswitched = isinstance(best.attempt.verdict.certificate, UnswitchedCost) and not cut_into_pieces(best.task.spec)
+    if not unswitched and not isinstance(best.attempt.verdict.certificate, MatrixCertificate):
         return ()
     return _new(history, [_with_certificate(best, "lower the bound that the inequality certifies")])
 
@@ -103,7 +110,7 @@ def _retry(one: Done, best: Done | None) -> Task | None:
 def _bounded_closer(one: Done) -> Task | None:
     start = _FEWER_CLIPPED.get(one.task.start) if one.task.way == AS_IT_IS else None
     return None if start is None else replace(one.task, start=start, label="", of=one.task.name,
-                                              why="an ellipsoid bounds the cost loosely where inputs are clipped")
+                                              why="the cost is bounded loosely where inputs are clipped")
 
 
 def _tighter(one: Done, _: Done | None) -> Task | None:

@@ -7,16 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from inc_casadi import INC, Plant, Spec
+from inc_casadi.brief import Brief
 from inc_casadi.certificate import Certificate
 from inc_casadi.ellipsoidal_region import EllipsoidalRegion
 from inc_casadi.judgement import Judgement, judge
 from inc_casadi.pieces.walk import Budget
+from inc_casadi.regional_certificate import RegionalCertificate
 
 from .causes import Cause
 
 
 @dataclass(frozen=True, eq=False)
-class Verdict:
+class Verdict(Brief):
     """What the gate says of a candidate.
 
     certificate: the one that holds with the lowest cost, or None; cost: its certified expected cost, infinite without;
@@ -36,15 +38,20 @@ class Verdict:
 
     @property
     def settled(self) -> bool:
-        """Whether no other law is worth trying for the reasons given: accepted, and not on an ellipsoid's looser bound."""
-        return self.accepted and not isinstance(self.certificate, EllipsoidalRegion)
+        """Whether no other law is worth trying for the reasons given: accepted, and not on a bound that is loose.
+
+        Loose is the bound of an ellipsoid, and that of exact pieces where they give the largest cost only.
+        """
+        loose = isinstance(self.certificate, EllipsoidalRegion) or (
+            isinstance(self.certificate, RegionalCertificate) and not np.isfinite(self.certificate.expected))
+        return self.accepted and not loose
 
 
 def gate(plant: Plant, spec: Spec, inc: INC, budget: Budget | None = None) -> Verdict:
     """Let a candidate through on one certificate that covers limits and cost (`inc_casadi.judgement.judge`).
 
-    Tried are the exact regional proof, then, where input limits are built in or absent, the global inequality, then an
-    ellipsoid that contains the initial set. The optimizer that made the candidate plays no part in the verdict.
+    Tried are the affine piece that no motion leaves, the exact regional proof, bounded clipping, then, where input limits
+    are built in or absent, the global inequality, then an ellipsoid around the initial set. The optimizer plays no part.
 
     >>> from inc_casadi import Box, Tanh
     >>> law = INC([[0.0]], [[1.6]], [[-1.0]], [[0.0]], activation=Tanh())

@@ -44,10 +44,10 @@ def with_memory() -> str:
     """Return where controllers with states of their own are, in words.
 
     >>> with_memory().split(" (")[0]
-    'give the controller memory with inc_casadi.dynamic'
+    'give the controller memory with synthesis.synthesize_dynamic'
     """
-    return ("give the controller memory with inc_casadi.dynamic (observer, DynamicINC, certify_dynamic) and improve it by "
-            "synthesis.dynamic_training.train_dynamic")
+    return ("give the controller memory with synthesis.synthesize_dynamic (from parts of inc_casadi.dynamic: observer, "
+            "DynamicINC, certify_dynamic)")
 
 
 def _characteristic(plant: Plant) -> tuple[Poly, Poly]:

@@ -16,8 +16,11 @@ from inc_casadi.arrays import Array
 from inc_casadi.claims import DiscountedCost
 from inc_casadi.errors import ConvergenceError, INCError, InvalidInputError
 from inc_casadi.inc import inner_half
+from inc_casadi.judgement.clipped import MOST_FOLLOWED
+from inc_casadi.linear.kept_gain import best_kept_gain
 from inc_casadi.linear.regulator import discounted_lqr
 from inc_casadi.linear.static_gain import best_static_gain
+from inc_casadi.sets import Polytope, Uniform
 
 from .starts.linear_feedback import stabilizing_gain
 from .starts.random_start import linear_start, random_start
@@ -34,7 +37,7 @@ The law's input limits may be built in or not: what is missing is added by whoev
 
 
 def may_suit(name: str, plant: Plant, spec: Spec) -> bool:
-    """Return whether a start may apply, judged at once: what is refused for sure is not worth an attempt.
+    """Return whether a start may apply and win, judged at once: what is refused for sure is not worth an attempt.
 
     >>> spec = Spec([[1.0]], [[1.0]], 0.9, Box([-1.0], [1.0]), Box([-1.0], [1.0]))
     >>> may_suit("MPC", Plant([[1.5]], [[1.0]]), spec), may_suit("sector inequality", Plant([[1.5]], [[1.0]]), spec)
@@ -43,6 +46,9 @@ def may_suit(name: str, plant: Plant, spec: Spec) -> bool:
     from .starts.lure import costs_without_end
     from .starts.predictive import why_not
 
+    if name == "seldom clipped gain":  # elsewhere exact pieces follow gains that are clipped more often
+        support = spec.initial.support if isinstance(spec.initial, Uniform) else None
+        return plant.n > MOST_FOLLOWED or not isinstance(support, Box | Polytope)
     if name in ("MPC", "explicit MPC", "compressed MPC"):
         few = name != "explicit MPC" or plant.n <= MOST_EXPLICIT_STATES
         return few and not why_not(plant, spec, MOST_MPC_UNITS)
@@ -81,6 +87,16 @@ def _regulator(plant: Plant, spec: Spec, _: int) -> Array:
 
 def _limited_gain(plant: Plant, spec: Spec, seed: int) -> Array:
     return best_static_gain(plant, spec, seed=seed).F
+
+
+def _kept_gain(plant: Plant, spec: Spec, seed: int) -> Array:
+    return best_kept_gain(plant, spec, seed=seed).controller.D_c
+
+
+def _seldom_clipped(plant: Plant, spec: Spec, seed: int) -> Array:
+    from .starts.seldom_clipped import seldom_clipped_gain
+
+    return seldom_clipped_gain(plant, spec, seed)
 
 
 def _stabilizing_gain(plant: Plant, spec: Spec, seed: int) -> Array:
@@ -139,6 +155,8 @@ def _compressed(plant: Plant, spec: Spec, hidden: int, activation: Activation, k
 STARTS: Mapping[str, Start] = MappingProxyType({
     "clipped LQR": _around(_regulator),               # the state is measured
     "static gain": _around(_limited_gain),            # best u = F y found that keeps the limits on the initial set
+    "kept gain": _around(_kept_gain),                 # one that is proved to keep them at all times: never clipped
+    "seldom clipped gain": _around(_seldom_clipped),  # between that and the best without limits, by its certified cost
     "clipped gain": _around(stabilizing_gain),              # best u = F y found without limits, to be clipped
     "stabilizing gain": _around(_stabilizing_gain),   # the same without discount, so that motions converge
     "halfway gain": _around(_halfway_gain),           # the mean of those two: clipped less often

@@ -8,7 +8,7 @@ import numpy as np
 
 from ..inc import INC
 from ..judgement import Cause, Judgement, Passed, Refused, judge
-from ..judgement.ways import WAYS, by_pieces
+from ..judgement.ways import WAYS, by_ellipsoid, by_inequality, by_pieces
 from ..linear.controller import LinearController
 from ..plant import Plant
 from ..spec import Spec
@@ -41,7 +41,7 @@ def judge_law(plant: Plant, spec: Spec, name: str, inc: INC, effort: Effort) -> 
         row = with_lyapunov(plant, spec, row, LinearController.static(inc.without_idle_units().K))
         if row.certified or row.cost.how == LYAPUNOV:  # simulation tells nothing more
             return row
-        row = _read(row, judge(plant, spec, inc, effort.budget, ways=WAYS[1:]), spec)
+        row = _read(row, judge(plant, spec, inc, effort.budget, ways=(by_inequality, by_ellipsoid)), spec)
     return row if row.certified else with_simulation(plant, spec, row, inc, effort)
 
 

@@ -52,6 +52,7 @@ class Passed:
     worst : the largest cost at most, NaN where it is not known
     exact : whether the bound is the cost itself, up to rounding
     by_worst : whether it bounds the expected cost by the largest only, which another way may undercut
+    loose : whether it may be far above the cost, so that other ways are asked too
     grounds : certificates other than the first that `limits` rests on
     proofs : the same in the words of a report
     short : what is not proved of what was asked, each with its reason
@@ -65,6 +66,7 @@ class Passed:
     worst: float = nan
     exact: bool = False
     by_worst: bool = False
+    loose: bool = False
     grounds: tuple[Certificate, ...] = ()
     proofs: tuple[str, ...] = ()
     short: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""The ways of proof: exact pieces from a polytope, a matrix inequality for all states, an ellipsoid around the initial set.
+"""The ways of proof: a linear loop that no motion leaves, exact pieces, an inequality for all states, an ellipsoid.
 
 Each answers a question, given what was found before; None where it is not worth asking.
 """
@@ -15,11 +15,14 @@ from ..certify import certify
 from ..claims import DiscountedCost, Invariance, Regional, Stability
 from ..ellipsoidal_region import certify_ellipsoidal
 from ..errors import INCError
+from ..multipliers import LADDER
 from ..output_range import output_range
 from ..regional_certificate import RegionalCertificate, certify_region
 from ..sets import Box, Polytope, Uniform
 from .causes import Cause, cause_of, cause_of_ellipsoid
+from .clipped import by_clipping
 from .findings import BUILT_IN, Finding, Passed, Question, Refused
+from .unswitched import by_lyapunov
 
 Way = Callable[[Question, Sequence[Finding], float], Finding | None]
 PIECES, INEQUALITY, ELLIPSOID = "exact pieces", "global LMI", "ellipsoid"
@@ -100,12 +103,18 @@ def _for_all_states(asked: Question, certificate: MatrixCertificate) -> Finding:
 
 
 def _settles(asked: Question) -> str:
-    """The sentence of `Stability` where it holds: with a discount a bounded cost does not show that motions settle."""
-    try:
-        stable = certify(asked.plant, asked.inc, Stability())
-    except INCError:
-        return ""
-    return stable.sentence if stable.holds() else ""
+    """The sentence of `Stability` where it holds: with a discount a bounded cost does not show that motions settle.
+
+    Any rung of the ladder will do, so the first one that holds is taken; its rate need not be the best.
+    """
+    for rung in LADDER:
+        try:
+            stable = certify(asked.plant, asked.inc, Stability(), multiplier=rung)
+        except INCError:
+            continue
+        if stable.holds():
+            return stable.sentence
+    return ""
 
 
 def _limits_kept(asked: Question) -> tuple[str, tuple, tuple[str, ...]]:
@@ -126,8 +135,8 @@ def _limits_kept(asked: Question) -> tuple[str, tuple, tuple[str, ...]]:
 
 
 def by_ellipsoid(asked: Question, before: Sequence[Finding], until: float) -> Finding | None:
-    """Bound the cost on an ellipsoid that contains the initial set (`EllipsoidalRegion`), where nothing else passed."""
-    if any(isinstance(one, Passed) and one.limits or _is_lost(one) for one in before):
+    """Bound the cost on an ellipsoid that contains the initial set (`EllipsoidalRegion`), where no close bound is known."""
+    if any(isinstance(one, Passed) and one.limits and not one.loose or _is_lost(one) for one in before):
         return None
     left = max(until - time.monotonic(), SHARE * asked.budget.seconds)
     try:
@@ -150,4 +159,4 @@ def _is_lost(found: Finding) -> bool:
     return found.cause in (Cause.LIMITS, Cause.UNSTABLE) or found.cause is Cause.LOST and "a motion grew" in found.why
 
 
-WAYS: tuple[Way, ...] = (by_pieces, by_inequality, by_ellipsoid)
+WAYS: tuple[Way, ...] = (by_lyapunov, by_clipping, by_pieces, by_clipping, by_inequality, by_ellipsoid)

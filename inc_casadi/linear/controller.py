@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, columns, matrix, vector
+from ..brief import Brief
 from ..errors import DimensionError, InvalidInputError
 
 
 @dataclass(frozen=True, eq=False)
-class LinearController:
+class LinearController(Brief):
     """A linear controller of finite order, xi_{k+1} = A_c xi_k + B_c y_k, u_k = C_c xi_k + D_c y_k, from a fixed xi_0.
 
     It is the class that lower bounds on linear controllers speak about. With order 0 it is the static law u = D_c y. A

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from time import perf_counter
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from ..arrays import Array
+from ..arrays import Array, columns
 from ..certificate import Certificate, MatrixCertificate, Proof
 from ..claims import DiscountedCost
 from ..errors import InvalidInputError
@@ -20,6 +21,7 @@ from ..multipliers import as_multiplier
 from ..plant import Plant, as_plant
 from ..readings import Rounded
 from ..spec import Spec
+from ..storage_function import quadratic_about
 from .controller import LinearController
 from .dynamic_loop import started, static_form
 from .input_limits import limit_weight, limits_broken
@@ -49,11 +51,11 @@ class LinearCost(Certificate):
     loop without hidden units.
     """
 
-    plant: Plant = field(repr=False)
-    spec: Spec = field(repr=False)
-    controller: LinearController = field(repr=False)
-    P: Array | None = field(repr=False)
-    W: Array | None = field(repr=False)
+    plant: Plant
+    spec: Spec
+    controller: LinearController
+    P: Array | None
+    W: Array | None
 
     def __post_init__(self) -> None:
         if not self.plant.discrete:
@@ -69,6 +71,18 @@ class LinearCost(Certificate):
     def bound(self) -> float:
         """An upper bound on the expected cost, rounded up; infinite without P."""
         return np.inf if self.P is None else self._cost_part(self.P).bound
+
+    def storage(self, x: ArrayLike) -> float | Array:
+        """Return V(x) = z'P z, z = (x, xi_0), at a state (n,) or columns (n, N): the cost from there is at most that.
+
+        Raises InvalidInputError without P.
+        """
+        if self.P is None:
+            raise InvalidInputError(f"there is no storage function: {self.reason}")
+        points, single = columns("x", x, self.plant.n)
+        xi = np.repeat(self.controller.xi_0[:, None], points.shape[1], axis=1)
+        values = quadratic_about(np.concatenate([points, xi]), self.P, np.zeros(len(self.P)))
+        return float(np.asarray(values)[0]) if single else values
 
     @property
     def cost(self) -> float:

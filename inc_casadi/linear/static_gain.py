@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, number
+from ..brief import Brief
 from ..errors import InfeasibleError, InvalidInputError
 from ..plant import Plant, as_plant
 from ..reachability import uncontrollable_vertex
@@ -24,7 +25,7 @@ _LISTED = 2000  # rows of constraints that are listed at once; more are added wh
 
 
 @dataclass(frozen=True, eq=False)
-class StaticGain:
+class StaticGain(Brief):
     """A static linear controller u = F y, what it costs, and whether it keeps the input limits on the initial set.
 
     F : (m, p); cost : tr(P_F S0), infinite if the loop is unstable in the discounted sense; admissible : at k = 0

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from inc_casadi.affine_pieces.represent import Representation, represent
 from inc_casadi.arrays import Array
+from inc_casadi.brief import Brief
 from inc_casadi.errors import InvalidInputError
 from inc_casadi.inc import INC
 from inc_casadi.mpc import MPC
@@ -29,7 +30,7 @@ STEPS = 100  # of the motions that are watched
 
 
 @dataclass(frozen=True, eq=False)
-class ExplicitStart:
+class ExplicitStart(Brief):
     """A predictive law as a feedforward INC.
 
     inc: limits built in; mpc: the law that it is on `region`, a box that holds the motions watched; representation: how it

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from inc_casadi.arrays import Array, matrix, number
+from inc_casadi.brief import Brief
 from inc_casadi.errors import DimensionError, InvalidInputError
 from inc_casadi.inc import INC
 from inc_casadi.linear.regulator import discounted_lqr
@@ -43,7 +44,7 @@ class Lessons:
 
 
 @dataclass(frozen=True, eq=False)
-class Imitation:
+class Imitation(Brief):
     """inner: the fitted law, input limits not built in; error, start_error: the weighted squared error of the fitted law and
     of the start, as a share of the teacher's own weighted square; status: how the fit ended.
     """

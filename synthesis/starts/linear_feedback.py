@@ -7,6 +7,7 @@ from math import inf
 from typing import Any
 
 from inc_casadi.arrays import Array
+from inc_casadi.brief import Brief
 from inc_casadi.certificate import Certificate
 from inc_casadi.errors import INCError, InvalidInputError, NotCertifiedError
 from inc_casadi.estimate import estimate
@@ -25,7 +26,7 @@ PIECES, STEPS = 20_000, 500  # of each regional proof; half as many pieces for e
 
 
 @dataclass(frozen=True, eq=False)
-class CertifiedStart:
+class CertifiedStart(Brief):
     """u = sat(F y) with a certificate that holds.
 
     inc: with the limits built in; F (m, p): the gain, for `linear_start`; label: which of the gains it is; cost: the

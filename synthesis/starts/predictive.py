@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from inc_casadi.arrays import Array, number
+from inc_casadi.brief import Brief
 from inc_casadi.errors import InvalidInputError, NotWellPosedError
 from inc_casadi.inc import INC
 from inc_casadi.mpc import MPC
@@ -24,7 +25,7 @@ SINGULAR = 1e10  # condition number from which on C counts as singular
 
 
 @dataclass(frozen=True, eq=False)
-class PredictiveStart:
+class PredictiveStart(Brief):
     """A predictive law as an INC with the limits built in, and what was tried.
 
     inc: m horizon saturation units; mpc: the law that it is; cost: its mean cost by simulation; tried: (horizon, units,

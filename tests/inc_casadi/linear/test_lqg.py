@@ -65,7 +65,7 @@ def test_the_estimate_starts_at_the_mean_and_follows_the_state():
     assert np.max(np.abs(states[-1])) < 1e-6
 
 
-@pytest.mark.parametrize("seed, share", [(1, 0.35), (4, 1.0), (5, 0.5)])
+@pytest.mark.parametrize("seed, share", [(1, 0.35), (4, 1.0), pytest.param(5, 0.5, marks=pytest.mark.slow)])
 def test_the_scale_is_the_largest_that_keeps_the_limits(seed, share):
     plant, spec = case(seed, p=2, size=0.25)
     tight = replace(spec, inputs=Box([-0.6 * share, -0.7 * share], [0.65 * share, 0.75 * share]))
