@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from time import perf_counter
+from time import process_time
 from typing import Any
 
 from benchmarks.baselines.dynamic import affordable
@@ -24,20 +24,21 @@ from inc_casadi.pieces.walk import Budget
 
 CLIPPED, DYNAMIC, GAIN = "clipped", "dynamic linear", "static gain"
 CLASSES = {"any": "any >=", "linear": "linear >=", "static": "static >="}
-HEADINGS = ("plant", "n m p", *CLASSES.values(), CLIPPED, DYNAMIC, GAIN, "clipped beats", "inverted", "s")
+HEADINGS = ("plant", "n m p", *CLASSES.values(), CLIPPED, DYNAMIC, GAIN, "clipped beats", "inverted", "s", "of")
 CELLS = 3000  # for the bound on any controller
-WIDTHS = (22, 6, 11, 11, 11, 12, 14, 12, 13, 8, 5)
+WIDTHS = (36, 6, 11, 11, 11, 12, 14, 12, 13, 8, 5, 5)
 LEGEND = ("Costs are certified; ~ simulated, ! breaks the limits later on, ? not certified, - none found. "
           "A bound on a class is one on those within it.")
 
 
 @dataclass(frozen=True, eq=False)
 class Line:
-    """One plant: its name, what was compared, the wall time."""
+    """One plant: its name, what was compared, the processor time, and which of how many it is."""
 
     name: str
     found: Comparison
     seconds: float
+    place: str = "1/1"
 
     @property
     def beaten(self) -> str:
@@ -58,7 +59,7 @@ class Line:
         cells = [self.name, f"{plant.n} {plant.m} {plant.p}",
                  *("-" if floor is None else at_least(floor.value) for floor in floors),
                  *(_cost(self.found, name) for name in (CLIPPED, DYNAMIC, GAIN)), self.beaten,
-                 "YES" if self.inversions else "none", f"{self.seconds:.1f}"]
+                 "YES" if self.inversions else "none", f"{self.seconds:.1f}", self.place]
         return _aligned(cells)
 
 
@@ -72,8 +73,8 @@ def lines(cases: Mapping[str, Case], seconds: float = 5.0) -> Iterator[Line]:
     >>> line.inversions, round(line.found.cost_of("clipped"), 5), round(line.found.floor("linear").value, 5)
     ([], 0.35833, 0.40833)
     """
-    for name, case in cases.items():
-        yield _line(name, case, seconds)
+    for place, (name, case) in enumerate(cases.items(), 1):
+        yield replace(_line(name, case, seconds), place=f"{place}/{len(cases)}")
 
 
 def chosen(name: str | None = None) -> dict[str, Case]:
@@ -93,11 +94,13 @@ def chosen(name: str | None = None) -> dict[str, Case]:
 def report(found: Iterable[Line], say: Callable[[str], Any] = print) -> int:
     """Say a line per plant, then what is contradictory; return 1 when anything is, else 0."""
     say(_aligned(HEADINGS))
-    troubles = []
+    troubles, spent = [], list[float]()
     for line in found:
         say(str(line))
+        spent.append(line.seconds)
         troubles += [f"{line.name}: {one}" for one in line.inversions]
     say(LEGEND)
+    say(f"{len(spent)} plant{'' if len(spent) == 1 else 's'}, {sum(spent):.1f} s of processor time.")
     for trouble in troubles:
         say(f"INVERTED: {trouble}.")
     return int(bool(troubles))
@@ -122,13 +125,13 @@ def clipped_law(case: Case) -> INC:
 
 
 def _line(name: str, case: Case, seconds: float) -> Line:
-    begun = perf_counter()
+    begun = process_time()
     laws = {key: law for key, law in _laws(case).items() if law is not None}
     found = compare(case.plant, case.spec, laws, budget=Budget(seconds=4 * seconds), bounds=())
     found = replace(found, floors=floors(case, Settings(cells=CELLS, gains=seconds, linear=4 * seconds)))
     dynamic = _tried(lambda: affordable(case))
     found = found if dynamic is None else replace(found, rows=(*found.rows, _row(dynamic)))
-    return Line(name, found, perf_counter() - begun)
+    return Line(name, found, process_time() - begun)
 
 
 def _laws(case: Case) -> dict[str, Any]:

@@ -19,7 +19,7 @@ GAINS = 0.1  # of them, for the best static gain
 
 
 def lower_bounds(plant: Plant, spec: Spec, notes: list[str], progress: Progress) -> dict[str, Bound]:
-    """Return lower bounds by name: on linear controllers, from the first move and from many, and on any controller.
+    """Return lower bounds by name: on linear controllers, from the first move and from many, and on any that measures y.
 
     Where the progress has a budget of seconds each may take its share. What is found by then is a lower bound that holds; a
     note says that more time may raise it. Why one is missing goes to `notes` too.
@@ -27,7 +27,7 @@ def lower_bounds(plant: Plant, spec: Spec, notes: list[str], progress: Progress)
     computed: dict[str, Bound] = {}
     for name, compute in ((FIRST, lambda seconds: bounds.first_move(plant, spec, seconds=seconds)),
                           (LINEAR, lambda seconds: bounds.affine_moves(plant, spec, seconds=seconds)),
-                          (ANY, lambda seconds: bounds.any_controller(plant, spec, cells=CELLS, seconds=seconds))):
+                          (ANY, lambda seconds: bounds.any_output_feedback(plant, spec, cells=CELLS, seconds=seconds))):
         try:
             with progress.during(f"lower bound, {name}"):
                 computed[name] = compute(progress.share(SHARES[name]))

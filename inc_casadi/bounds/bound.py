@@ -8,13 +8,14 @@ from fractions import Fraction
 from math import isfinite
 from time import perf_counter
 
+from ..brief import Brief
 from ..certificate import EXACT, Proof
 from ..plant import Plant
 from ..spec import Spec
 
 
 @dataclass(frozen=True, eq=False)
-class Bound(ABC):
+class Bound(Brief, ABC):
     """The claim that every controller of a class costs at least `value` on `plant` under `spec`.
 
     The value is that of a dual point which is feasible by construction, evaluated in NumPy and lowered by a rounding

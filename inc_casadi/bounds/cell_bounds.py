@@ -11,6 +11,7 @@ from ..plant import Plant
 from ..sets import Box, Polytope
 from ..spec import Spec
 from .moves import minorant, rollout
+from .price import Price
 from .shapes import Shapes
 
 _NUMBERS = 2**23  # about as many in one array at a time
@@ -53,7 +54,7 @@ def columns(plant: Plant, shapes: Shapes, trials: Trials) -> tuple[Array, Array]
     return rollout(plant.A, plant.B, x0, u), u
 
 
-def cell_bounds(plant: Plant, spec: Spec, P: Array, shapes: Shapes, trials: Trials) -> Array:
+def cell_bounds(plant: Plant, spec: Spec, P: Array, shapes: Shapes, trials: Trials, price: Price | None = None) -> Array:
     """Return for every cell (c,) a lower bound on the expectation of the least cost from x_0, given the cell.
 
     The least cost is V(x) = min over u_k in the limits of sum_{k<T} beta^k (x_k'Q x_k + u_k'R u_k) + beta^T x_T'P x_T.
@@ -76,6 +77,7 @@ def cell_bounds(plant: Plant, spec: Spec, P: Array, shapes: Shapes, trials: Tria
     Parameters
     ----------
     P : (n, n) weight of the last state
+    price : what the first r <= T inputs cost besides, which is added to the slopes g_k; nothing when left out
 
     Notes
     -----
@@ -88,7 +90,8 @@ def cell_bounds(plant: Plant, spec: Spec, P: Array, shapes: Shapes, trials: Tria
     q, c = shapes.spans.shape[1:]
     if len(P) * trials.u.size * (1 + q) > _NUMBERS and c > 1:
         halves = np.array_split(np.arange(c), 2)
-        return np.concatenate([cell_bounds(plant, spec, P, shapes.take(each), trials.take(each)) for each in halves])
+        return np.concatenate([cell_bounds(plant, spec, P, shapes.take(each), trials.take(each),
+                                           None if price is None else price.take(each)) for each in halves])
     x, u = columns(plant, shapes, trials)
     limit = np.max(np.abs(spec.inputs.vertices), axis=1)[None, :, None]
     below = minorant(plant, spec, P, x, u, limit, np.tile(shapes.reach, 1 + q))
@@ -96,6 +99,8 @@ def cell_bounds(plant: Plant, spec: Spec, P: Array, shapes: Shapes, trials: Tria
     slack = (1 + q) * below.slack + 2 * np.sum(np.abs(below.state) * shapes.rounding[:, None], axis=0)
     g = below.inputs.reshape(*u.shape[:2], 1 + q, c)
     expected = value[0] + value[1:].sum(axis=0) / shapes.divisor - slack.reshape(1 + q, c).sum(axis=0)
+    if price is not None:
+        expected = expected - price.onto(g, shapes, limit[0, :, 0])
     return expected + _least(spec.inputs, shapes, g[:, :, 0], g[:, :, 1:])
 
 

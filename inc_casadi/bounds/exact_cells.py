@@ -15,6 +15,7 @@ from ..sets import Box, Polytope
 from ..spec import Spec
 from .cell_bounds import Trials, columns
 from .exact_polytope import corners
+from .price import Price
 from .shapes import Shapes
 
 _WEIGHT_BITS = 128  # of beta^k, rounded down: stage costs are not negative, so less of them is a lower bound
@@ -52,7 +53,8 @@ class Scaled:
         return self.number * unit
 
 
-def exact_bounds(plant: Plant, spec: Spec, P: Array, shapes: Shapes, cells: Shapes, trials: Trials) -> np.ndarray | str:
+def exact_bounds(plant: Plant, spec: Spec, P: Array, shapes: Shapes, cells: Shapes, trials: Trials,
+                 price: Price | None = None) -> np.ndarray | str:
     """Return in Fractions (c,) lower bounds on the expectation of the least cost given each cell, or why there are none.
 
     The argument of `cell_bounds`, which see, with these numbers: floats of plant and spec as they are; beta^k rounded down;
@@ -67,6 +69,7 @@ def exact_bounds(plant: Plant, spec: Spec, P: Array, shapes: Shapes, cells: Shap
     ----------
     P : (n, n) weight of the last state
     shapes, cells : the cells in floats, from which trial numbers are computed, and in Fractions, which count
+    price : as for `cell_bounds`, its values in Fractions whose denominators are powers of two, as of boxes
     """
     assert spec.inputs is not None
     vertices = _vertices(spec.inputs)
@@ -77,6 +80,8 @@ def exact_bounds(plant: Plant, spec: Spec, P: Array, shapes: Shapes, cells: Shap
         return "the trial inputs of a cell are not finite"
     y, v = (Scaled.near(each) for each in floats)
     offset, p0, g, step = _tangents(plant, spec, P, y, v)
+    if price is not None and len(price.at):
+        g = _priced(g, price, cells)
     n, q, c = cells.spans.shape
     x0 = np.concatenate([cells.centers[:, None], cells.spans], axis=1).reshape(n, -1)
     value = (_dot(p0, x0) - offset).reshape(1 + q, c)
@@ -92,6 +97,19 @@ def _vertices(limits: Box | Polytope) -> np.ndarray | str:
         return np.stack([exact(limits.lower), exact(limits.upper)], axis=1)
     found = corners(limits)
     return found if isinstance(found, str) else found.points.T
+
+
+def _priced(g: Scaled, price: Price, cells: Shapes) -> Scaled:
+    # The slopes with the price added, at the centers and along the spans.
+    along = np.sum(exact(price.slopes)[:, :, :, None] * cells.spans, axis=2)
+    r, m = price.at.shape[:2]
+    number, denominator = over_common_denominator(np.concatenate([price.at[:, :, None], along], axis=2).reshape(r, m, -1))
+    assert denominator & (denominator - 1) == 0
+    bits = denominator.bit_length() - 1
+    finest = max(g.bits, bits)
+    total = g.number << (finest - g.bits)
+    total[:r] += number << (finest - bits)
+    return Scaled(total, finest)
 
 
 def _dot(p: Scaled, x: np.ndarray) -> np.ndarray:

@@ -37,7 +37,7 @@ class Boxes(Cells):
     def every(self) -> Shapes:
         """All boxes."""
         lower, upper = self.box.lower[:, None], self.box.upper[:, None]
-        return self._shapes(lower, upper, self._shares, 4 * UNIT * np.maximum(np.abs(lower), np.abs(upper))[:, 0])
+        return self._shapes(lower, upper, self.shares, 4 * UNIT * np.maximum(np.abs(lower), np.abs(upper))[:, 0])
 
     def _shapes(self, lower: Array, upper: Array, shares: Array, rounding: Array) -> Shapes:
         low, size = shares[:, 0].T, shares[:, 1].T
@@ -48,7 +48,8 @@ class Boxes(Cells):
         return Shapes(np.prod(size, axis=0), centers, spans, 3, True, rounding, np.zeros(centers.shape[1]))
 
     @cached_property
-    def _shares(self) -> Array:
+    def shares(self) -> Array:
+        """Where each box begins and how long it is along each axis, (c, 2, n) shares of the whole, without rounding."""
         n = self.box.dimension
         return self.record.unfolded(np.stack([np.zeros(n), np.ones(n)])[None], _halved_box)
 
@@ -64,18 +65,18 @@ class Boxes(Cells):
 
     def halved(self, cut: np.ndarray, along: np.ndarray) -> Boxes:
         """Return the partition with some boxes halved along an axis."""
-        fine = self._shares[cut, 1, along] > 2.0**-_DEEPEST
+        fine = self.shares[cut, 1, along] > 2.0**-_DEEPEST
         return replace(self, record=self.record.more(cut[fine], along[fine]))
 
     def divide(self, initial: Distribution) -> bool:
         """Return whether the box is that of the distribution and the halvings are sound."""
         same = isinstance(initial, Uniform) and isinstance(initial.support, Box) and _same_box(initial.support, self.box)
-        return same and self.record.sound(self.box.dimension) and bool(np.all(self._shares[:, 1] >= 2.0**-_DEEPEST))
+        return same and self.record.sound(self.box.dimension) and bool(np.all(self.shares[:, 1] >= 2.0**-_DEEPEST))
 
     def exact(self) -> Shapes:
         """Return the boxes in Fractions."""
         lower, upper = exact(self.box.lower)[:, None], exact(self.box.upper)[:, None]
-        return self._shapes(lower, upper, exact(self._shares[self.leaves]), np.zeros(len(lower)))
+        return self._shapes(lower, upper, exact(self.shares[self.leaves]), np.zeros(len(lower)))
 
 
 @dataclass(frozen=True, eq=False)

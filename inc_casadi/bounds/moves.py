@@ -117,9 +117,9 @@ def minorant(plant: Plant, spec: Spec, P: Array, x: Array, u: Array, u_reach: Ar
     ends = 2 * beta**T * np.sum((np.abs(P) @ np.abs(x[T])) * states[T], axis=0)
     total = np.abs(offset) + ends + np.sum(sizes * states[:T], axis=(0, 1)) + np.sum(input_sizes * reach, axis=(0, 1))
     slack = 4 * UNIT * (plant.n + plant.m + T + 4) * total
-    slack += _indefinite(Q) * np.sum(weights * (states[:T] + np.abs(x[:T])) ** 2, axis=(0, 1))
-    slack += _indefinite(P) * beta**T * np.sum((states[T] + np.abs(x[T])) ** 2, axis=0)
-    slack += _indefinite(R) * np.sum(weights * (reach + np.abs(u)) ** 2, axis=(0, 1))
+    slack += np.sum(weights * _indefinite(Q)[:, None] * (states[:T] + np.abs(x[:T])) ** 2, axis=(0, 1))
+    slack += beta**T * np.sum(_indefinite(P)[:, None] * (states[T] + np.abs(x[T])) ** 2, axis=0)
+    slack += np.sum(weights * _indefinite(R)[:, None] * (reach + np.abs(u)) ** 2, axis=(0, 1))
     return Minorant(p[0], slopes(B, R, beta, u, p), offset, slack)
 
 
@@ -141,5 +141,22 @@ def reached(A: Array, B: Array, x0: Array, reach: Array) -> Array:
     return states
 
 
-def _indefinite(M: Array) -> float:
-    return max(0.0, -float(np.linalg.eigvalsh(M)[0]))
+def balance(M: Array) -> Array:
+    """Return powers of two d (n,) for which diag(d) M diag(d) has a diagonal near one: no rounding in it.
+
+    Entries below 1e-16 of the largest count as that much, so that a weight's kernel is not blown up.
+
+    >>> balance(np.diag([4.0, 2.0**-20])).tolist()
+    [0.5, 1024.0]
+    """
+    sizes = np.abs(np.diag(M))
+    most = float(np.max(sizes))
+    if not 0 < most < np.inf:
+        return np.ones(len(M))
+    return np.asarray(2.0 ** -np.rint(np.log2(np.maximum(sizes, 1e-16 * most)) / 2))
+
+
+def _indefinite(M: Array) -> Array:
+    # The diagonal (n,) of a matrix that makes M semidefinite when added, each entry in the units of M.
+    d = balance(M)
+    return max(0.0, -float(np.linalg.eigvalsh(d[:, None] * M * d)[0])) / d**2

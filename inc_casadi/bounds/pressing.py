@@ -16,7 +16,8 @@ import numpy as np
 from ..arrays import Array
 from ..plant import Plant
 from ..spec import Spec
-from .sequences import factor
+from .price import Price
+from .sequences import Factors, factor
 from .shapes import Shapes
 
 _STIFF = 1e7  # barriers this many times the curvature are as good as a limit, and leave digits for their multipliers
@@ -42,10 +43,12 @@ class Pressed:
     hessian: Array
 
 
-def press(plant: Plant, spec: Spec, P: Array, shapes: Shapes, mean: Array, curvature: Array, ridge: Array) -> Pressed:
+def press(plant: Plant, spec: Spec, P: Array, shapes: Shapes, mean: Array, curvature: Array, ridge: Array,
+          price: Price) -> Pressed:
     """Return the shares, found in two rounds from the limits that are met at the centers.
 
-    mean (T, f, c): zbar; curvature, ridge (T, f, 1): s, and what is added to the weight of the inputs anyway.
+    mean (T, f, c): zbar; curvature, ridge (T, f, 1): s, and what is added to the weight of the inputs anyway; price:
+    what the first inputs cost besides.
     """
     assert spec.inputs is not None
     H, share = spec.inputs.H, (mean > 0).astype(float)
@@ -53,24 +56,46 @@ def press(plant: Plant, spec: Spec, P: Array, shapes: Shapes, mean: Array, curva
     for remaining in (2, 1, 0):
         barrier = curvature * np.minimum(share / np.maximum(1 - share, 1 / _STIFF), _STIFF)
         factors = factor(plant, spec, P, H, barrier + ridge)
-        moved = np.einsum("fm,tmnc->tfnc", H, responses(plant, factors.gains))
+        offsets, bend = foreseen(plant, factors, price.slopes)
+        moved = np.einsum("fm,tmnc->tfnc", H, responses(plant, factors.gains, offsets))
         if not remaining:
             break
         slopes = np.einsum("tfnc,nqc->tfqc", moved * (1 + barrier / curvature)[:, :, None], shapes.spans)
         share = _share(shapes, mean, slopes)
-    return Pressed(mean, slopes, share, barrier[:, :, None] * moved, factors.hessian)
+    return Pressed(mean, slopes, share, barrier[:, :, None] * moved, factors.hessian + bend)
 
 
-def responses(plant: Plant, gains: Array) -> Array:
-    """Return du_k/dx_0 (T, m, n, c) of u_k = K_k x_k for gains K (T, c, m, n).
+def foreseen(plant: Plant, factors: Factors, price: Array) -> tuple[Array, Array]:
+    """Return what a price Pi (r, m, n, c) of the inputs, (Pi_k x_0)'u_k, adds to the best ones, and to the Hessian in x_0.
 
-    >>> responses(Plant(2.0, 1.0), np.array([[[[-1.0]]], [[[-2.0]]]])).ravel().tolist()
+    The best are u_k = K_k x_k + offset_k x_0, offset (r, c, m, n), and the Hessian is changed by (c, n, n).
+
+    >>> flat = Factors(np.zeros((1, 1, 1, 1)), np.full((1, 1, 1, 1), 0.5), np.zeros((1, 1, 1)))  # min over u of u^2 + 4 x u
+    >>> [found.ravel().tolist() for found in foreseen(Plant(1.0, 1.0), flat, np.full((1, 1, 1, 1), 4.0))]
+    [[-2.0], [-8.0]]
+    """
+    r, m, n, c = price.shape
+    price = price.transpose(0, 3, 1, 2)
+    offsets, bend, q = np.empty((r, c, m, n)), np.zeros((c, n, n)), np.zeros((c, n, n))
+    for k in range(r - 1, -1, -1):
+        slope = price[k] + plant.B.T @ q
+        offsets[k] = -factors.inverses[k] @ slope
+        bend += slope.transpose(0, 2, 1) @ offsets[k]
+        q = plant.A.T @ q + factors.gains[k].transpose(0, 2, 1) @ slope
+    return offsets, bend + q + q.transpose(0, 2, 1)
+
+
+def responses(plant: Plant, gains: Array, offsets: Array) -> Array:
+    """Return du_k/dx_0 (T, m, n, c) of u_k = K_k x_k + offset_k x_0 for gains K (T, c, m, n), offsets (r, c, m, n), r <= T.
+
+    >>> responses(Plant(2.0, 1.0), np.array([[[[-1.0]]], [[[-2.0]]]]), np.zeros((0, 1, 1, 1))).ravel().tolist()
     [-1.0, -2.0]
     """
-    T, c, m, n = gains.shape
+    T, m, n = len(gains), *gains.shape[2:]
+    c = max(gains.shape[1], offsets.shape[1])
     x, found = np.broadcast_to(np.eye(n), (c, n, n)), np.empty((T, m, n, c))
     for k in range(T):
-        u = gains[k] @ x
+        u = gains[k] @ x + (offsets[k] if k < len(offsets) else 0.0)
         x = plant.A @ x + plant.B @ u
         found[k] = u.transpose(1, 2, 0)
     return found

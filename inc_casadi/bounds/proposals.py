@@ -16,7 +16,8 @@ from ..plant import Plant
 from ..spec import Spec
 from .cell_bounds import Trials, cell_bounds
 from .moves import discount_powers, rollout
-from .pressing import Pressed, press, responses, unproved
+from .pressing import Pressed, foreseen, press, responses, unproved
+from .price import Price
 from .sequences import Factors, Interior, costs, factor, optimal_sequences
 from .shapes import Shapes
 
@@ -33,27 +34,35 @@ class Proposal:
     gains: Array
 
 
-def propose(plant: Plant, spec: Spec, P: Array, members: np.ndarray, shapes: Shapes, T: int) -> Proposal:
+def propose(plant: Plant, spec: Spec, P: Array, members: np.ndarray, shapes: Shapes, T: int,
+            price: Price | None = None) -> Proposal:
     """Return trial inputs over T moves for cells `members` (c,) of these shapes, P (n, n) weighing the last state.
+
+    price: what the first r <= T inputs cost besides; nothing when left out.
 
     For each cell the better of two: the best sequence from its center with the responses of the plant without limits,
     which makes the slopes constant on the cell (Jensen's inequality), and what affine multipliers give.
     """
     assert spec.inputs is not None
-    point = optimal_sequences(plant, spec, spec.inputs, P, shapes.centers, T, _TOL)
+    price = Price.none(plant.m, plant.n, members.size) if price is None else price
+    point = optimal_sequences(plant, spec, spec.inputs, P, shapes.centers, T, _TOL, price.at)
     H = spec.inputs.H
     ridge = _RIDGE * discount_powers(spec.discount, T) * _weight(plant, spec, P) / np.sum(H**2)
     free = factor(plant, spec, P, H, np.broadcast_to(ridge, (T, len(H), 1)))
     curvature = 1 / np.einsum("fi,tij,fj->tf", H, free.inverses[:, 0], H)[:, :, None]
-    pressed = press(plant, spec, P, shapes, point.multipliers / curvature - point.slack, curvature, ridge)
-    steady = Trials(members, point.u, np.repeat(responses(plant, free.gains), members.size, axis=3))
-    affine = _minimizers(plant, free, H, shapes, members, *_multipliers(shapes, point, pressed))
-    values, found = (cell_bounds(plant, spec, P, shapes, each) for each in (steady, affine))
+    pressed = press(plant, spec, P, shapes, point.multipliers / curvature - point.slack, curvature, ridge, price)
+    unpressed = responses(plant, free.gains, foreseen(plant, free, price.slopes)[0])
+    steady = Trials(members, point.u, np.broadcast_to(unpressed, (T, plant.m, plant.n, members.size)))
+    mean, slopes = _multipliers(shapes, point, pressed)
+    forces = np.einsum("fm,tfnc->tmnc", H, np.concatenate([mean[:, :, None], slopes], axis=2))
+    forces[:len(price.at)] += np.concatenate([price.at[:, :, None], price.slopes], axis=2)
+    affine = _minimizers(plant, free, shapes, members, forces)
+    values, found = (cell_bounds(plant, spec, P, shapes, each, price) for each in (steady, affine))
     better = found > values
     trials = Trials(members, np.where(better, affine.u, steady.u), np.where(better, affine.G, steady.G))
     best = np.maximum(found, values)
     at = costs(spec, P, rollout(plant.A, plant.B, shapes.centers, point.u), point.u)
-    return Proposal(trials, best, _gains(shapes, pressed, curvature, at - best))
+    return Proposal(trials, best, _gains(shapes, pressed, curvature, at + price.of(point.u) - best))
 
 
 def _weight(plant: Plant, spec: Spec, P: Array) -> float:
@@ -70,24 +79,23 @@ def _multipliers(shapes: Shapes, point: Interior, pressed: Pressed) -> tuple[Arr
     return mean, slopes * np.divide(mean, least, out=np.ones_like(mean), where=least > mean)[:, :, None]
 
 
-def _minimizers(plant: Plant, free: Factors, H: Array, shapes: Shapes, members: np.ndarray, mean: Array,
-                slopes: Array) -> Trials:
-    # The inputs that minimize the cost plus l_k(x)'H u_k, l (T, f, c) at the centers with slopes (T, f, n, c) in x.
-    T, f, n, c = slopes.shape
-    forces = H.T @ np.concatenate([mean[:, :, None], slopes], axis=2).reshape(T, f, -1)
+def _minimizers(plant: Plant, free: Factors, shapes: Shapes, members: np.ndarray, forces: Array) -> Trials:
+    # The inputs that minimize the cost plus f_k(x)'u_k, f (T, m, 1 + n, c) at the centers and its slopes in x.
+    T, m, _, c = forces.shape
+    n, flat = plant.n, forces.reshape(T, m, -1)
     gains, inverses = free.gains[:, 0], free.inverses[:, 0]
-    offsets, q = np.empty_like(forces), np.zeros((n, forces.shape[2]))
+    offsets, q = np.empty_like(flat), np.zeros((n, flat.shape[2]))
     for k in range(T - 1, -1, -1):
-        slope = forces[k] + plant.B.T @ q
+        slope = flat[k] + plant.B.T @ q
         offsets[k] = -inverses[k] @ slope
         q = plant.A.T @ q + gains[k].T @ slope
     x = np.concatenate([shapes.centers[:, None], np.repeat(np.eye(n)[:, :, None], c, axis=2)], axis=1).reshape(n, -1)
-    u = np.empty_like(forces)
+    u = np.empty_like(flat)
     for k in range(T):
         u[k] = offsets[k] + gains[k] @ x
         x = plant.A @ x + plant.B @ u[k]
-    u = u.reshape(T, plant.m, 1 + n, c)
-    return Trials(members, u[:, :, 0], u[:, :, 1:])
+    found = u.reshape(T, m, 1 + n, c)
+    return Trials(members, found[:, :, 0], found[:, :, 1:])
 
 
 def _gains(shapes: Shapes, pressed: Pressed, curvature: Array, gap: Array) -> Array:

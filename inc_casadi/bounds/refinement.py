@@ -13,7 +13,10 @@ from ..spec import Spec
 from .cell_bounds import Trials
 from .cells import Cells
 from .clock import Clock
+from .grid_price import GridPrice
+from .halved_cells import Boxes
 from .moves import rollout
+from .price import Price
 from .proposals import Proposal, propose
 
 FIRST_HORIZON = 10
@@ -24,8 +27,8 @@ _LEAST = 0.02  # of the largest gain: cells that promise less wait for the next 
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """What is bounded: the plant, P_0, P_1, ... of value iteration, its last gain K, the longest and first horizon, and when
-    to stop."""
+    """What is bounded: the plant, P_0, P_1, ... of value iteration, its last gain K, the longest and first horizon, when to
+    stop, and what the first inputs cost besides (`cell_bounds`)."""
 
     plant: Plant
     spec: Spec
@@ -34,6 +37,7 @@ class Search:
     first: int
     last: int
     clock: Clock = Clock()
+    price: GridPrice | None = None
 
     def bounded(self, cells: Cells, which: np.ndarray) -> list[Proposal]:
         """Return trial inputs for the cells numbered `which`, some for several horizons.
@@ -49,12 +53,16 @@ class Search:
             for part in np.array_split(pending, -(-pending.size // batch)):
                 if found and self.clock.is_over:
                     return found
-                found.append(propose(self.plant, self.spec, self.P[len(self.P) - 1 - T], part, cells.every.take(part), T))
+                tail, shapes = self.P[len(self.P) - 1 - T], cells.every.take(part)
+                found.append(propose(self.plant, self.spec, tail, part, shapes, T, self._priced(cells, part)))
                 longer.append(part[~self._free(cells.every.centers[:, part], found[-1].trials.u)])
             if 2 * T > self.last:
                 break
             pending, T = np.concatenate(longer), 2 * T
         return found
+
+    def _priced(self, cells: Cells, which: np.ndarray) -> Price | None:
+        return self.price.on(cells, which) if self.price is not None and isinstance(cells, Boxes) else None
 
     def _free(self, x0: Array, u: Array) -> np.ndarray:
         # Whether the unlimited optimum u = K x keeps the limits for another T steps from where u (T, m, c) leads.

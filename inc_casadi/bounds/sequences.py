@@ -51,7 +51,7 @@ class Interior:
 
 
 def optimal_sequences(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array, x0: Array, T: int,
-                      tol: float = 1e-11) -> Interior:
+                      tol: float = 1e-11, price: Array | None = None) -> Interior:
     """Return sequences u (T, m, c) within `limits` that are optimal from the columns of x0 (n, c) up to `tol`, and their
     multipliers.
 
@@ -64,6 +64,7 @@ def optimal_sequences(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array
     P : (n, n) weight of the last state
     x0 : (n, c) initial states
     T : number of moves
+    price : (r, m, c) what the first r inputs cost besides, price_k'u_k; nothing when left out
 
     >>> from inc_casadi import Box, Plant, Spec
     >>> plant, limits = Plant(1.0, 1.0), Box(-1, 1)
@@ -73,14 +74,15 @@ def optimal_sequences(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array
     ([[-0.5, -0.0], [-1.0, -1.0]], [[0.0, 4.0], [0.0, 1.0]])
     """
     middle = limits.vertices.mean(axis=1)
+    price = np.zeros((0, plant.m, x0.shape[1])) if price is None else price
     u = np.broadcast_to(middle[None, :, None], (T, plant.m, x0.shape[1])).copy()
     point = Interior(u, limits.h[:, None] - limits.H @ u, np.empty(0))
-    point = replace(point, multipliers=_first_multipliers(plant, spec, limits, P, x0, point))
+    point = replace(point, multipliers=_first_multipliers(plant, spec, limits, P, x0, point, price))
     best = Interior(u, point.slack.copy(), point.multipliers.copy())
     active, least = np.arange(x0.shape[1]), np.full(x0.shape[1], np.inf)
     for _ in range(_ITERATIONS):
         x = rollout(plant.A, plant.B, x0[:, active], point.u)
-        g = slopes(plant.B, spec.R, spec.discount, point.u, costates(plant.A, spec.Q, P, spec.discount, x))
+        g = _gradient(plant, spec, P, x, point.u, price[:, :, active])
         now = costs(spec, P, x, point.u)
         gaps, scale = _gaps(limits, g, point.u), now + now.mean()
         better = gaps < least[active]
@@ -96,11 +98,17 @@ def optimal_sequences(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array
     return best
 
 
-def _first_multipliers(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array, x0: Array,
-                       point: Interior) -> Array:
+def _gradient(plant: Plant, spec: Spec, P: Array, x: Array, u: Array, price: Array) -> Array:
+    g = slopes(plant.B, spec.R, spec.discount, u, costates(plant.A, spec.Q, P, spec.discount, x))
+    g[:len(price)] += price
+    return g
+
+
+def _first_multipliers(plant: Plant, spec: Spec, limits: Box | Polytope, P: Array, x0: Array, point: Interior,
+                       price: Array) -> Array:
     # Such that multiplier times distance is, for each column, the average of what a move changes in the cost.
     x = rollout(plant.A, plant.B, x0, point.u)
-    g = slopes(plant.B, spec.R, spec.discount, point.u, costates(plant.A, spec.Q, P, spec.discount, x))
+    g = _gradient(plant, spec, P, x, point.u, price)
     scale = _gaps(limits, g, point.u) / point.slack[:, :, 0].size
     return (scale + 1e-12 * (1 + scale.max(initial=0.0))) / point.slack
 

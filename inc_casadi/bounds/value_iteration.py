@@ -17,7 +17,7 @@ from ..sets import Distribution, Ellipsoid, Uniform
 from ..spec import Spec
 from .bound import Bound
 from .exact_steps import second_moment, unproved_steps
-from .moves import UNIT
+from .moves import UNIT, balance
 
 # With R + beta B'PB scaled to a unit diagonal, eigenvalues up to here are zero: inputs that repeat one another.
 _NO_EFFECT = 1e-13
@@ -26,14 +26,16 @@ _NO_EFFECT = 1e-13
 def step(plant: Plant, spec: Spec, P: Array) -> tuple[Array, Array]:
     """Return (P+, K): one step of value iteration from the cost-to-go x'P x, and its minimizing gain u = K x.
 
-    P+ = Q + K'RK + beta (A + BK)'P(A + BK) with K = -(R + beta B'PB)^+ beta B'PA, lowered by a multiple delta of the
-    identity that covers rounding, so that x'P+x <= min_u x'Qx + u'Ru + beta (Ax + Bu)'P(Ax + Bu) for every x.
+    P+ = Q + K'RK + beta (A + BK)'P(A + BK) with K = -(R + beta B'PB)^+ beta B'PA, lowered by a diagonal matrix that covers
+    rounding, so that x'P+x <= min_u x'Qx + u'Ru + beta (Ax + Bu)'P(Ax + Bu) for every x.
 
     Notes
     -----
     An error e in K raises the formula by e'(R + beta B'PB)e, which is r'(R + beta B'PB)^-1 r for the residual r of the
-    normal equations; delta counts that and the rounding of the sum. Where R + beta B'PB is singular (R singular), the
-    input directions in its kernel change neither the state's cost-to-go nor the cost, and get no gain.
+    normal equations. That and the rounding of the sum, which is at most a multiple of the sum G of the absolute values, are
+    counted in units of the state in which G has a diagonal near one: with a multiple of the identity, a state of small
+    weight would lose all of it to the rounding of the large ones. Where R + beta B'PB is singular (R singular), the input
+    directions in its kernel change neither the state's cost-to-go nor the cost, and get no gain.
     """
     A, B, Q, R, beta = plant.A, plant.B, spec.Q, spec.R, spec.discount
     S, N = R + beta * B.T @ P @ B, beta * B.T @ P @ A
@@ -45,21 +47,23 @@ def step(plant: Plant, spec: Spec, P: Array) -> tuple[Array, Array]:
     K = -V @ ((V.T @ N) / eigenvalues[:, None])
     closed = A + B @ K
     after = Q + K.T @ R @ K + beta * closed.T @ P @ closed
-    lowered = (after + after.T) / 2 - _allowance(plant, spec, P, K, V, eigenvalues) * np.eye(plant.n)
-    return lowered, K
+    return (after + after.T) / 2 - np.diag(_allowance(plant, spec, P, K, V, eigenvalues)), K
 
 
-def _allowance(plant: Plant, spec: Spec, P: Array, K: Array, V: Array, eigenvalues: Array) -> float:
+def _allowance(plant: Plant, spec: Spec, P: Array, K: Array, V: Array, eigenvalues: Array) -> Array:
+    # The diagonal (n,) by which to lower: delta / d_i^2, d_i the units of the state.
     A, B, Q, R, beta = plant.A, plant.B, spec.Q, spec.R, spec.discount
-    size = np.linalg.norm
+    size, absV, absR, absP, moved = np.linalg.norm, np.abs(V.T), np.abs(R), np.abs(P), np.abs(K)
     unit = 4 * UNIT * (plant.n + plant.m + 4)
-    reach = size(A) + size(B @ K) + size(np.abs(B) @ np.abs(K))
-    summed = unit * (size(Q) + size(K.T @ R @ K) + beta * reach**2 * size(P))
-    if not eigenvalues.size:
-        return float(summed)
-    residual = V.T @ (R @ K + beta * B.T @ (P @ (A + B @ K)))
-    off = size(residual) + unit * (size(np.abs(V.T) @ np.abs(R) @ np.abs(K)) + beta * size(B @ V) * size(P) * reach)
-    return float(summed + off**2 / eigenvalues[0])
+    reach = np.abs(A) + 2 * np.abs(B) @ moved
+    G = np.abs(Q) + moved.T @ absR @ moved + beta * reach.T @ absP @ reach
+    d = balance(G)
+    delta = unit * size(G * np.outer(d, d))
+    if eigenvalues.size:
+        residual = V.T @ (R @ K + beta * B.T @ (P @ (A + B @ K)))
+        off = size(residual * d) + unit * size((absV @ (absR @ moved + beta * np.abs(B.T) @ absP @ reach)) * d)
+        delta += off**2 / eigenvalues[0]
+    return np.asarray(delta / d**2)
 
 
 def value_iteration(plant: Plant, spec: Spec, steps: int) -> tuple[Array, Array]:

@@ -10,6 +10,7 @@ from time import perf_counter
 from .. import bounds
 from ..bounds import Bound
 from ..bounds.static_output_feedback import static_output_feedback
+from ..brief import Brief
 from ..errors import INCError
 from ..figures import at_least
 from ..plant import Plant
@@ -19,7 +20,7 @@ from .families import ANY, LINEAR, STATIC, Family
 
 
 @dataclass(frozen=True, eq=False)
-class Floor:
+class Floor(Brief):
     """What no member of a class can undercut.
 
     Parameters
@@ -70,7 +71,7 @@ def _floor(plant: Plant, spec: Spec, family: Family, effort: Effort, say: Say) -
 
 
 def _any(plant: Plant, spec: Spec, effort: Effort) -> Bound:
-    return bounds.any_controller(plant, spec, cells=effort.cells)
+    return bounds.any_output_feedback(plant, spec, cells=effort.cells)
 
 
 def _linear(plant: Plant, spec: Spec, effort: Effort) -> Bound:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from math import isnan
 
+from ..bounds.unmeasured import UnmeasuredBound
 from ..bounds.value_iteration import UnlimitedBound
 from ..certificate import Proof
 from .comparison import Comparison, label
@@ -130,6 +131,8 @@ def dual_words(floor: Floor) -> str:
     """
     if isinstance(floor.bound, UnlimitedBound):
         return f"{floor.bound.steps} steps of value iteration without limits"
+    if isinstance(floor.bound, UnmeasuredBound):
+        return f"{floor.bound.steps} steps of value iteration without limits and what the measurements leave unknown"
     return {ANY: "tangents of the cost at trial input sequences, cell by cell",
             LINEAR: "the Lagrangian of moves affine in the initial state",
             STATIC: "branch and bound over all gains"}[floor.family]

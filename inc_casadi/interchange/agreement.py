@@ -11,6 +11,8 @@ import numpy as np
 from ..bounds import Bound
 from ..bounds.affine_bound import AffineMovesBound
 from ..bounds.any_controller import AnyControllerBound
+from ..bounds.output_feedback import OutputFeedbackBound
+from ..bounds.unmeasured import UnmeasuredBound
 from ..bounds.value_iteration import UnlimitedBound
 from ..claims import DiscountedCost, Invariance, Regional
 from ..comparison import Comparison
@@ -20,7 +22,7 @@ from ..dynamic import DynamicCertificate, DynamicINC, extended, extended_spec
 from ..ellipsoidal_region import EllipsoidalRegion
 from ..inc import INC
 from ..invariance_certificate import InvarianceCertificate
-from ..linear import LinearController, LinearCost
+from ..linear import ClippedCost, LinearController, LinearCost, UnswitchedCost
 from ..output_range import within_limits
 from ..plant import Plant
 from ..regional_certificate import RegionalCertificate
@@ -29,7 +31,8 @@ from ..spec import Spec
 from .encoding import digest, encoded
 from .kinds import BESIDE
 
-COVERING = (RegionalCertificate, DynamicCertificate, EllipsoidalRegion, LinearCost, InvarianceCertificate)
+COVERING = (RegionalCertificate, DynamicCertificate, EllipsoidalRegion, LinearCost, UnswitchedCost,
+            ClippedCost, InvarianceCertificate)
 """Certificates that state, of a specification that fits them, that inputs stay within the limits."""
 
 
@@ -112,7 +115,7 @@ def _bare(content: Any) -> Any:
 
 def _rank(bound: Bound) -> int:
     """The rank of the largest class that a kind of bound is known to cover."""
-    if isinstance(bound, AnyControllerBound | UnlimitedBound):
+    if isinstance(bound, AnyControllerBound | OutputFeedbackBound | UnmeasuredBound | UnlimitedBound):
         return ANY.rank
     return LINEAR.rank if isinstance(bound, AffineMovesBound) else STATIC.rank
 
@@ -155,7 +158,7 @@ def _with_memory(spec: Spec, controller: DynamicINC, stated: Box | Polytope | No
 
 
 def _fits(evidence: Any, spec: Spec) -> bool:
-    if isinstance(evidence, LinearCost | EllipsoidalRegion):
+    if isinstance(evidence, LinearCost | EllipsoidalRegion | UnswitchedCost | ClippedCost):
         return same(evidence.spec, spec)
     claim = getattr(evidence, "claim", None)
     if isinstance(claim, Regional):

@@ -17,10 +17,14 @@ from ..bounds.any_controller import AnyControllerBound
 from ..bounds.cell_bounds import Trials
 from ..bounds.cells import Cloud, Points
 from ..bounds.gain_box import FirstBox
+from ..bounds.grid_price import GridPrice
 from ..bounds.halved_cells import Boxes, Simplices
 from ..bounds.halvings import Halvings
+from ..bounds.output_feedback import OutputFeedbackBound
 from ..bounds.scalar import ScalarSeparation
 from ..bounds.static_output_feedback import StaticGainBound
+from ..bounds.unknown_part import Chord
+from ..bounds.unmeasured import UnmeasuredBound
 from ..bounds.value_iteration import UnlimitedBound
 from ..certificate import MatrixCertificate, Proof
 from ..claims import (
@@ -48,7 +52,7 @@ from ..errors import InvalidInputError
 from ..estimate import Estimate
 from ..inc import INC
 from ..invariance_certificate import InvarianceCertificate
-from ..linear import LinearController, LinearCost, StaticGain
+from ..linear import ClippedCost, LinearController, LinearCost, StaticGain, UnswitchedCost
 from ..linear.dynamic_loop import StartedFrom
 from ..loop import Equilibrium
 from ..mpc import MPC
@@ -74,7 +78,9 @@ KINDS: tuple[type, ...] = (
     ConewiseProof, Proof, Estimate, Trajectory, Equilibrium, LinearController, LinearCost, StaticGain, DynamicINC,
     DynamicCertificate, Folded, MPC, CriticalRegions, AffineMovesBound, Cuts, AnyControllerBound, Points, Cloud, Boxes,
     Simplices, Trials, UnlimitedBound, StaticGainBound, FirstBox, Halvings, ScalarSeparation, Comparison, Row, Finding,
-    Cost, Family, Floor, AdmissibleSet, Regions, Difference, Scale, Representation, EllipsoidalRegion,
+    OutputFeedbackBound, GridPrice, UnmeasuredBound, Chord, Cost, Family, Floor,
+    AdmissibleSet, Regions, Difference, Scale,
+    Representation, EllipsoidalRegion, UnswitchedCost, ClippedCost,
 )
 """The dataclasses that a file may hold, each written field by field under its class's name; add a class to save it."""
 

@@ -57,10 +57,18 @@ def test_the_scalar_plant_has_the_paper_s_figures(line: Line):
 def test_the_line_stands_under_its_headings(line: Line):
     said: list[str] = []
     assert report([line], said.append) == 0
-    assert said[0].split()[:4] == ["plant", "n", "m", "p"] and len(said) == 3
+    assert said[0].split()[:4] == ["plant", "n", "m", "p"] and len(said) == 4
     for heading, cell in (("any >=", "0.35833"), (CLIPPED, "0.35833"), (DYNAMIC, "0.40833"), (GAIN, "0.43010"),
                           ("clipped beats", "linear"), ("inverted", "none")):
         assert said[1][said[0].index(heading):].startswith(cell)
+
+
+def test_lines_come_one_by_one_with_their_place_and_the_time_of_all_at_the_end(line: Line):
+    said: list[str] = []
+    two = (replace(line, seconds=spent, place=place) for spent, place in ((1.25, "1/2"), (2.5, "2/2")))
+    report((said.append("worked out") or each for each in two), said.append)
+    assert [words.split()[-1] for words in said[:5]] == ["of", "out", "1/2", "out", "2/2"]
+    assert said[-1] == "2 plants, 3.8 s of processor time."
 
 
 @pytest.mark.parametrize(("key", "value", "names"), [

@@ -80,6 +80,7 @@ VERBS = {
     "bounds.first_move": lambda plant: float(bounds.first_move(plant, SPEC)),
     "bounds.affine_moves": lambda plant: float(bounds.affine_moves(plant, SPEC, 3)),
     "bounds.any_controller": lambda plant: float(bounds.any_controller(plant, SPEC, cells=50)),
+    "bounds.any_output_feedback": lambda plant: float(bounds.any_output_feedback(plant, SPEC, cells=50)),
     "bounds.static_output_feedback": lambda plant: float(bounds.static_output_feedback(plant, SPEC, gap=0.2)),
     "bounds.uncontrollable_vertex": lambda plant: bounds.uncontrollable_vertex(plant, SPEC) or 0.0,
     "linear.best_dynamic_linear": lambda plant: linear.best_dynamic_linear(plant, SPEC, 3).bound,

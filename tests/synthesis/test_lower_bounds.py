@@ -54,10 +54,10 @@ def test_seconds_are_shared_out_between_bounds_and_search(monkeypatch):
         return bound
 
     from inc_casadi import bounds as original
-    names = ("first_move", "affine_moves", "any_controller")
+    names = ("first_move", "affine_moves", "any_output_feedback")
     fake = type("bounds", (), {name: staticmethod(watched(name)) for name in names})
     monkeypatch.setattr(module, "bounds", fake)
     began = time.monotonic()
     synthesize(Plant([[1.5]], [[1.0]]), Spec([[1.0]], [[0.0]], 0.9, Box(-1, 1), Box(-1, 1)), hidden=0, seconds=40.0,
                verbose=False)
-    assert asked == {"first_move": 2.0, "affine_moves": 6.0, "any_controller": 6.0} and time.monotonic() - began < 10.0
+    assert asked == {"first_move": 2.0, "affine_moves": 6.0, "any_output_feedback": 6.0} and time.monotonic() - began < 10.0

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from benchmarks.plants import suite
 from inc_casadi import Box, Ellipsoid, Empirical, Gaussian, Plant, Polytope, Spec
 from inc_casadi.bounds import affine_moves, any_controller
 from inc_casadi.bounds.value_iteration import value_iteration
@@ -170,8 +171,8 @@ def test_any_trial_inputs_prove_something_lower():
 
 
 def test_altered_numbers_are_refused():
-    plant, spec = draw(2)
-    bound = any_controller(plant, spec, cells=27)
+    plant, spec = draw(2, Box([-0.8, -0.4, -1.6], [1.2, 0.4, 0.8]))  # so large that limits count on most cells
+    bound = any_controller(plant, spec, cells=27, horizon=10)
     (group,) = bound.trials
     scalar = any_controller(Plant(1.5, 1.0), Spec(1.0, 0.1, 1.0, Box(-1, 1), Box(-1, 1)), cells=50)
     assert bound.holds() and bound.prove() and replace(bound, value=bound.value - 1).prove()
@@ -186,6 +187,24 @@ def test_altered_numbers_are_refused():
                  replace(scalar, spec=replace(scalar.spec, inputs=Box(-1.2, 1.2)))):
         assert not fake.holds() and not fake.prove()
     assert not replace(bound, value=float("inf")).holds()
+
+
+def test_states_in_very_different_units_cost_no_more_than_a_rounding():
+    """A ball in m, held by a magnet's current in A: the weights of the states are seven orders of magnitude apart."""
+    case = suite()["ball suspension"]
+    bound = any_controller(case.plant, case.spec, cells=600)
+    assert 63.88 < bound.value < 63.90344 and bound.holds() and bound.prove()  # the saturated regulator costs 63.90343
+    P, _ = value_iteration(case.plant, case.spec, 300)
+    root, spec = np.sqrt(case.spec.discount), case.spec
+    true = solve_discrete_are(root * case.plant.A, root * case.plant.B, spec.Q, spec.R)
+    np.testing.assert_allclose(np.diag(P[-1]), np.diag(true), rtol=1e-9)
+
+
+def test_a_cell_counts_at_least_with_the_cost_without_limits():
+    bound = any_controller(TWO_STATE, TWO_STATE_SPEC, cells=50)
+    far = replace(bound, trials=tuple(replace(group, u=group.u + 50.0) for group in bound.trials))
+    free = any_controller(TWO_STATE, replace(TWO_STATE_SPEC, inputs=None)).value
+    assert far.dual()[0] == pytest.approx(free, rel=1e-9) and float(far.exact_value()) == pytest.approx(free, rel=1e-9)
 
 
 def test_cells_of_another_distribution_are_refused():
