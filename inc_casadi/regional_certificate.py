@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .activations.stack import slopes
 from .arrays import Array, number, symmetric
@@ -27,6 +28,8 @@ from .pieces.walk import Budget
 from .plant import Plant, as_plant
 from .regional_level import sharpened
 from .regional_proof import Stated, settle_region, unfinished
+from .sets import Box
+from .storage_function import quadratic_about
 from .well_posed import is_proved
 
 ROUNDING = 1e-9
@@ -72,6 +75,23 @@ class RegionalCertificate(Certificate):
             return None
         loop, terminal = self._setting
         return None if terminal is None else cell_walk(loop, self.claim, terminal, self.budget)
+
+    def storage(self, x: ArrayLike) -> float | Array:
+        """Return V(x) = e'P e, e = x - x*, at a state (n,) or columns (n, N), of the ellipsoid in which all motions end.
+
+        Beyond `storage_level` the motions themselves prove the claim (`walk`), and V proves nothing.
+
+        Raises InvalidInputError where no such ellipsoid was found.
+        """
+        terminal = None if self._structure() else self._setting[1]
+        if terminal is None or self.P is None:
+            raise InvalidInputError(f"the certificate has no terminal ellipsoid, so no storage function: {self.reason}")
+        return quadratic_about(x, self.P, terminal.x)
+
+    @property
+    def storage_level(self) -> float:
+        """The level of the terminal ellipsoid."""
+        return self.level
 
     @property
     def expected(self) -> float:
@@ -142,6 +162,18 @@ class RegionalCertificate(Certificate):
         if unsound or self.walk is None:
             return unsound or "the motions were not followed"
         return self._walk_trouble(self.walk)
+
+    @property
+    def advice(self) -> str:
+        """What to try instead, by what stands in the way; empty when the certificate holds or nothing is known."""
+        if any(unit.pieces is None for unit in self._law.activations):
+            return "For units of any kind: certify(..., method='ellipsoid'), or Attraction."
+        if self.walk is None or not self.reason:
+            return ""
+        if self.walk.complete:
+            clips = "the law: inc.with_saturated_output(inputs)" if isinstance(self.claim.inputs, Box) else "the law"
+            return f"Clip {clips}, or take a smaller set."
+        return "A larger `budget` may finish it, or a smaller set may hold: `largest_scale` finds which."
 
     def _unsound(self, loop: PiecewiseLoop, terminal: TerminalSet | None, prove: bool) -> str:
         """What is wrong with the terminal set."""

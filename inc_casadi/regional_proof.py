@@ -10,6 +10,7 @@ import numpy as np
 
 from .claims.regional import Regional
 from .errors import ConvergenceError
+from .pieces.begin import Begin
 from .pieces.cell_enclosure import CellEnclosure
 from .pieces.cell_proof import settle
 from .pieces.cell_walk import CellWalk
@@ -28,13 +29,15 @@ FRACTIONS = "exact fractions over all pieces"
 @dataclass(frozen=True, eq=False)
 class Stated:
     """What is to be settled: the claim, the exact terminal set, the bounds on the two costs (infinite when not stated),
-    and whether the controller keeps the input limits by construction."""
+    whether the controller keeps the input limits by construction, and where the walk began, None for anywhere in the claim's
+    initial set."""
 
     claim: Regional
     terminal: TerminalSet
     expected: float
     worst: float
     built_in: bool
+    begin: Begin | None = None
 
     def excess(self, expected: Fraction | None, worst: Fraction) -> str:
         """Which bound is exceeded by costs that are certain, or an empty string."""
@@ -60,7 +63,8 @@ def settle_region(loop: PiecewiseLoop, stated: Stated, found: CellWalk, budget: 
     loop: with the plant and the law; found: the complete walk in floats. First its polytopes are worked out anew with 256
     places (`pieces.cell_proof`), up to 500 000 vertices and for as long as the budget says, at least a minute. Where that
     is not enough, or their errors grow too large, simplices are followed instead. Where an input touches a limit that is not
-    built in, up to 500 pieces are followed in Fractions. seconds: for all of it; what it leaves open is not proved.
+    built in, up to 500 pieces are followed in Fractions. Of a walk that began elsewhere than in the claim's initial set the
+    polytopes alone are tried. seconds: for all of it; what it leaves open is not proved.
     """
     until = time.monotonic() + seconds
 
@@ -71,7 +75,7 @@ def settle_region(loop: PiecewiseLoop, stated: Stated, found: CellWalk, budget: 
     trouble = _by_polytopes(places, stated, found, patience().seconds)
     if not trouble:
         return "", PLACES_OF_POLYTOPES
-    if time.monotonic() > until:
+    if stated.begin is not None or time.monotonic() > until:
         return trouble, PLACES_OF_POLYTOPES
     trouble = _by_simplices(places, stated, patience())
     if trouble and len(found.arrived) <= EXACT_PIECES and time.monotonic() <= until:
@@ -84,7 +88,7 @@ def _by_polytopes(loop: PiecewiseLoop, stated: Stated, found: CellWalk, seconds:
         return f"{len(found.arrived.owner)} vertices are more than {MOST_VERTICES}"
     terminal = in_places(stated.terminal, 1 - LEVEL_ROOM)
     claim = replace(stated.claim, inputs=None) if stated.built_in else stated.claim  # then no room need be measured
-    settled = settle(found, loop, claim, terminal, Deadline(0, seconds, time.monotonic()))
+    settled = settle(found, loop, claim, terminal, Deadline(0, seconds, time.monotonic()), stated.begin)
     if isinstance(settled, str):
         return settled
     if not settled.arrived:

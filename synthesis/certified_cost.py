@@ -9,7 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from inc_casadi.arrays import Array
-from inc_casadi.certificate import MatrixCertificate, posed_values
+from inc_casadi.certificate import MatrixCertificate
+from inc_casadi.certificate_values import posed_values
 from inc_casadi.claims.base import Claim
 from inc_casadi.errors import InvalidInputError, NotCertifiedError
 from inc_casadi.inc import INC

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from inc_casadi.activations import Activation, ReLU
 from inc_casadi.arrays import Array, number
+from inc_casadi.brief import Brief
 from inc_casadi.dynamic import DynamicINC, extended, extended_spec
 from inc_casadi.estimate import Estimate, estimate
 from inc_casadi.inc import INC
@@ -27,11 +28,12 @@ from .training import Training, train
 _NODES = 130  # about so many points of quadrature over x_0
 _ROOM = 4.0  # xi may grow to this many times what the start visits before training clips it
 _STEPS, _SEEN, _JUDGED = 50, 300, 5000
+_RESTING, _BESIDE = 1e-6, 0.05  # of the root mean squares: a kink so near to rest is moved by so much at random
 _FAR, _EXCESS = 1e12, 1e-9  # beyond what a state of the controller can come to; what a limit may be exceeded by for rounding
 
 
 @dataclass(frozen=True, eq=False)
-class DynamicTraining:
+class DynamicTraining(Brief):
     """A trained controller with memory; nothing about it is proved but its well-posedness.
 
     dynamic: the controller, clipped to its box of inputs, or to the box around a polytope of them; start: what training
@@ -108,7 +110,7 @@ def train_dynamic(plant: Any, spec: Spec, start: DynamicINC, *, order: int | Non
     box = box_and_limits(spec.inputs)[0]
     if box is not None:
         trained, start = (_limited(one, box) for one in (trained, start))
-    before, after = (_judged(plant, spec, one, seed) for one in (start, trained))
+    before, after = (simulated_dynamic(plant, spec, one, _JUDGED, seed) for one in (start, trained))
     if _ordeal(after) >= _ordeal(before):
         trained, after = start, before
     return DynamicTraining(trained, start, after, before, found)
@@ -119,7 +121,7 @@ def with_units(plant: Any, spec: Spec, dynamic: DynamicINC, hidden: int, activat
     """Return the same controller with hidden units that read (y, xi) and that nothing reads yet, ready to be trained.
 
     ||W||_inf of the new units is kappa / 2, their rows of U are random directions over the root mean squares of (y, xi)
-    along motions of the loop, and their kinks lie at random points of these.
+    along motions of the loop, and their kinks lie near random points of these.
 
     Parameters
     ----------
@@ -145,10 +147,12 @@ def with_units(plant: Any, spec: Spec, dynamic: DynamicINC, hidden: int, activat
     W = rng.uniform(-1.0, 1.0, (hidden, hidden))
     W *= 0.5 * kappa / np.maximum(np.abs(W).sum(axis=1, keepdims=True), 1e-300)
     kinks = seen[:, rng.integers(seen.shape[1], size=hidden)]
+    resting = np.all(np.abs(kinks) <= _RESTING * size[:, None], axis=0)  # proofs bear no kink where motions rest
+    beside = _BESIDE * size[:, None] * rng.standard_normal(kinks.shape) * resting
     both = np.block([[law.W, np.zeros((law.q, hidden))], [np.zeros((hidden, law.q)), W]])
     units = (*law.activations, *((activation or ReLU()),) * hidden)
     return DynamicINC(INC(both, np.vstack([law.U, U]), np.hstack([law.V, np.zeros((law.m, hidden))]), law.K,
-                          np.concatenate([law.b, -np.einsum("qp,pq->q", U, kinks)]), law.d, units), dynamic.xi_0)
+                          np.concatenate([law.b, -np.einsum("qp,pq->q", U, kinks + beside)]), law.d, units), dynamic.xi_0)
 
 
 def _motions(wide: Plant, dynamic: DynamicINC, spec: Spec, seed: int) -> Array:
@@ -160,11 +164,16 @@ def _motions(wide: Plant, dynamic: DynamicINC, spec: Spec, seed: int) -> Array:
     return seen[:, np.max(np.abs(seen), axis=0) < 1e3 * (1.0 + np.max(np.abs(start)))]
 
 
-def _judged(plant: Plant, spec: Spec, dynamic: DynamicINC, seed: int) -> Estimate:
-    """The simulated cost, with the excess over the limits of u alone: xi may go anywhere."""
+def simulated_dynamic(plant: Plant, spec: Spec, dynamic: DynamicINC, samples: int = 20_000, seed: int = 0) -> Estimate:
+    """Return the simulated cost from random x_0 and xi_0, with the excess over the limits of u alone: xi may go anywhere.
+
+    >>> delay = DynamicINC(INC.linear([[-1.0, -0.5], [1.0, 0.0]]), [0.0])
+    >>> simulated_dynamic(Plant(1.5, 1.0), Spec(1.0, 0.0, 0.9, Box(-1, 1), Box(-3, 3)), delay, samples=100).settled
+    True
+    """
     anywhere = None if spec.inputs is None else Box(np.full(dynamic.order, -_FAR), np.full(dynamic.order, _FAR))
     wide, law = extended(plant, dynamic)
-    return estimate(wide, law, extended_spec(spec, dynamic, anywhere), samples=_JUDGED, seed=seed)
+    return estimate(wide, law, extended_spec(spec, dynamic, anywhere), samples=samples, seed=seed)
 
 
 def _ordeal(run: Estimate) -> tuple[bool, bool, float]:

@@ -148,19 +148,20 @@ def hidden(scenario: Scenario, W: Array, r: Array, eta: Array) -> tuple[Array, A
     if scenario.q == 0:
         return np.zeros_like(r), np.zeros_like(r)
     scale = TOLERANCE * np.maximum(1.0, np.max(np.abs(r), axis=1))
-    identity = np.eye(scenario.q)
-    before, step, allowed = eta, np.zeros_like(r), np.full(r.shape[0], np.inf)
+    z, residual, size = _residual(scenario, W, r, eta)
+    eta, slope, rows = eta.copy(), scenario.slopes(z), np.flatnonzero(size > scale)
     for _ in range(NEWTON_STEPS):
-        z, residual, size = _residual(scenario, W, r, eta)
-        grown = (size > allowed) & (size > scale)
-        if grown.any():
-            eta[grown] = before[grown] + step[grown]
-            z, residual, size = _residual(scenario, W, r, eta)
-        slope = scenario.slopes(z)
-        if not np.any(size > scale):
+        if not rows.size:
             break
-        before, step, allowed = eta, residual, scenario.shrink * size
-        eta = eta + np.linalg.solve(identity - slope[:, :, None] * W, residual[:, :, None])[:, :, 0]
+        before, step, small = eta[rows], residual[rows], scale[rows]
+        eta[rows] = before + np.linalg.solve(np.eye(scenario.q) - slope[rows][:, :, None] * W, step[:, :, None])[:, :, 0]
+        z, residual[rows], found = _residual(scenario, W, r[rows], eta[rows])
+        grown = (found > scenario.shrink * size[rows]) & (found > small)
+        if grown.any():
+            eta[rows[grown]] = before[grown] + step[grown]
+            z, residual[rows], found = _residual(scenario, W, r[rows], eta[rows])
+        slope[rows], size[rows] = scenario.slopes(z), found
+        rows = rows[found > small]
     lost = ~(size <= scale)
     return (np.where(lost[:, None], np.nan, eta) if lost.any() else eta), slope
 

@@ -2,12 +2,14 @@
 
 import numpy as np
 import oracles
+import pytest
 
 from inc_casadi import INC, Box, LeakyReLU, Plant, Polytope, ReLU, Saturation
 from inc_casadi.claims.regional import Regional
 
 STEPS = 130  # 0.8^130 is 3e-13
 USABLE = [1, 2, 3, 5, 7, 8, 10, 11, 12, 13, 16]
+EACH_WALK = pytest.mark.parametrize("seed", [pytest.param(seed, marks=[pytest.mark.slow] * (seed >= 10)) for seed in USABLE])
 
 
 def draw(seed):

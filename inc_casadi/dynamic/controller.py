@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..activations import Activation, ReLU, Saturation
 from ..arrays import Array, columns, matrix, vector
+from ..brief import Brief
 from ..errors import DimensionError, InvalidInputError
 from ..inc import INC, inner_half
 from ..linear.controller import LinearController
@@ -17,7 +18,7 @@ from ..sets import Box
 
 
 @dataclass(frozen=True, eq=False)
-class DynamicINC:
+class DynamicINC(Brief):
     """A controller with memory: one static law (y_k, xi_k) -> (u_k, xi_{k+1}), begun at a fixed xi_0.
 
     eta = phi(W eta + U y + S xi + b),   u = K y + C_c xi + V eta + d,   xi+ = B_c y + A_c xi + E_c eta + a_c.

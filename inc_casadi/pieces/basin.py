@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, columns
+from ..brief import Brief
 from ..claims.regional import Regional
 from ..errors import InvalidInputError
 from ..inc import INC
@@ -32,7 +33,7 @@ SMALLEST = 1e-7  # a cell with less than this share of the region's volume is gi
 
 
 @dataclass(frozen=True, eq=False)
-class Basin:
+class Basin(Brief):
     """The part of a region from which every motion is known to converge to the equilibrium, within the input limits.
 
     cells: polytopes of starting points, all of whose motions reach the `goal`, a terminal ellipsoid around x* and a convex

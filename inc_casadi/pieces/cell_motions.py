@@ -10,6 +10,7 @@ import numpy as np
 from ..blocks import exact
 from ..claims.regional import Regional
 from ..sets import Box, Polytope
+from .begin import Begin, begin_of
 from .cell_walk import CellWalk
 from .laws import PiecewiseLoop
 from .layered import layered_laws
@@ -58,20 +59,21 @@ def _ends(ends: np.ndarray) -> Places:
 
 @dataclass(frozen=True, eq=False)
 class Motions:
-    """For each node of a walk's tree: x = F x0 + f at its step, (T, n, n) and (T, n), and the cost so far as a form
-    (T, n + 1, n + 1) in (x0, 1)."""
+    """For each node of a walk's tree: x = F x0 + f at its step, (T, n, k) and (T, n), and the cost so far as a form
+    (T, k + 1, k + 1) in (x0, 1), for x0 in R^k."""
 
     F: Places
     f: Places
     cost: Places
 
 
-def motions(loop: PiecewiseLoop, claim: Regional, trails: Trails, laws: PlacedLaws) -> Motions:
-    """Return maps and costs of all nodes, one level of the tree at a time."""
-    n, T, depth = loop.plant.n, len(trails.parent), trails.depth
-    F, f = np.empty((T, n, n), dtype=object), np.empty((T, n), dtype=object)
-    cost = np.full((T, n + 1, n + 1), 0, dtype=object)
-    F[0], f[0] = placed(np.eye(n)), placed(np.zeros(n))
+def motions(loop: PiecewiseLoop, claim: Regional, trails: Trails, laws: PlacedLaws, begin: Begin | None = None) -> Motions:
+    """Return maps and costs of all nodes, one level of the tree at a time; begin: by default in the claim's initial set."""
+    first, constant = (begin or begin_of(claim.initial.support)).maps()  # type: ignore[arg-type]
+    n, k, T, depth = loop.plant.n, first.shape[1], len(trails.parent), trails.depth
+    F, f = np.empty((T, n, k), dtype=object), np.empty((T, n), dtype=object)
+    cost = np.full((T, k + 1, k + 1), 0, dtype=object)
+    F[0], f[0] = first, constant
     stage = _stage_forms(claim, laws)
     scale, beta = placed(np.array(1.0)), placed(np.array(claim.discount))
     for level in range(1, int(depth.max()) + 1):
@@ -85,10 +87,10 @@ def motions(loop: PiecewiseLoop, claim: Regional, trails: Trails, laws: PlacedLa
 
 
 def in_start(forms: Places, F: Places, f: Places) -> Places:
-    """Return forms (N, n + 1, n + 1) in (x, 1) as forms in (x0, 1), for x = F x0 + f."""
-    N, n, _ = F.shape
-    lifted = np.full((N, n + 1, n + 1), 0, dtype=object)
-    lifted[:, :n, :n], lifted[:, :n, n], lifted[:, n, n] = F, f, placed(np.array(1.0)).item()
+    """Return forms (N, n + 1, n + 1) in (x, 1) as forms (N, k + 1, k + 1) in (x0, 1), for x = F x0 + f."""
+    N, n, k = F.shape
+    lifted = np.full((N, n + 1, k + 1), 0, dtype=object)
+    lifted[:, :n, :k], lifted[:, :n, k], lifted[:, n, k] = F, f, placed(np.array(1.0)).item()
     return times(times(np.swapaxes(lifted, 1, 2), forms), lifted)
 
 

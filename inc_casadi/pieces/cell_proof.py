@@ -12,6 +12,7 @@ import numpy as np
 
 from ..blocks import exact
 from ..claims.regional import Regional
+from .begin import Begin, begin_of
 from .cell_enclosure import CellEnclosure, enclose_cells, largest
 from .cell_motions import Motions, PlacedLaws, in_start, motions, placed_laws, planes
 from .cell_steps import Passages
@@ -26,6 +27,7 @@ from .linear import determinant
 from .places import Places, determinants, floats, placed, times
 from .terminal import TerminalSet
 
+BATCH = 2_000  # simplices between two looks at the clock
 FINER = 128  # binary places by which the levels of cuts are lowered where the incidence allows it
 
 
@@ -44,11 +46,12 @@ class Settled:
 
 
 def settle(walk: CellWalk, loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet,
-           deadline: Deadline | None = None) -> Settled | str:
+           deadline: Deadline | None = None, begin: Begin | None = None) -> Settled | str:
     """Follow the vertices of a walk's cells with 256 places, or say why its cells cannot be trusted.
 
-    loop: in "fixed" arithmetic; terminal: with 256 places and a lowered level (`in_places`); deadline: when to give up. The
-    cells come from a walk in floats and are believed in nothing:
+    loop: in "fixed" arithmetic; terminal: with 256 places and a lowered level (`in_places`); deadline: when to give up;
+    begin: where the walk began, by default anywhere in the claim's initial set. The cells come from a walk in floats and are
+    believed in nothing:
 
     * each cell is the set of starting points between planes that are defined anew with 256 places, from the law under
       which each cut was made. A cut leaves a x0 <= b on one side and a x0 >= b on the other, so the cells cover the initial
@@ -63,9 +66,10 @@ def settle(walk: CellWalk, loop: PiecewiseLoop, claim: Regional, terminal: Termi
     deadline = deadline or Deadline(0, float("inf"), time.monotonic())
     if len(walk.alive) or not len(walk.arrived):
         return "the walk has not followed every starting point"
-    region = claim.initial.support
+    begin = begin_of(claim.initial.support) if begin is None else begin  # type: ignore[arg-type]
+    region = begin.region
     laws = placed_laws(loop, walk.trails.patterns)
-    moved = motions(loop, claim, walk.trails, laws)
+    moved = motions(loop, claim, walk.trails, laws, begin)
     vertices = _sound_vertices(walk, region, laws, moved)
     if isinstance(vertices, str):
         return vertices
@@ -76,13 +80,15 @@ def settle(walk: CellWalk, loop: PiecewiseLoop, claim: Regional, terminal: Termi
     enclosure, steps, arrived = enclosed
     form = moved.cost[walk.node] + _tails(walk, claim, terminal, moved)
     corner = _values(form[walk.arrived.owner], vertices.points)
-    late, expected = deadline.passed(0), None
+    late = deadline.passed(0)
+    expected: Fraction | None = None
     if late:
         return late
-    if loop.plant.n <= MOST_DIMENSIONS:
-        expected = _expected(walk, region, form, corner, vertices)
-        if expected is None:
-            return "the volumes of the cells do not add up to that of the initial set"
+    if region.dimension <= MOST_DIMENSIONS:
+        mean = _expected(walk, region, form, corner, vertices, deadline)
+        if isinstance(mean, str):
+            return mean
+        expected = mean
     worst = Fraction(int(corner.max()) + 1, ONE)
     return Settled(enclosure, steps, arrived, expected, worst)
 
@@ -114,10 +120,11 @@ def _values(forms: Places, points: Places) -> Places:
     return times(times(lifted[:, None, :], forms), lifted[:, :, None])[:, 0, 0]
 
 
-def _expected(walk: CellWalk, region: Any, form: Places, corner: Places, vertices: Vertices) -> Fraction | None:
+def _expected(walk: CellWalk, region: Any, form: Places, corner: Places, vertices: Vertices,
+              deadline: Deadline) -> Fraction | str:
     """The mean of the cells' cost forms over the initial set, rounded up by more than all rounding on the way.
 
-    None when the volumes of the cells do not add up to that of the initial set.
+    A reason when the time is over, or the volumes of the cells do not add up to that of the initial set.
 
     On a simplex the mean of c is (sum_i c(v_i) + s'c s) / ((n + 1)(n + 2)), s the sum of the lifted vertices. A coordinate
     is off by `error` >= 2^-256, so a determinant of n edges of size at most M by n n! (2 M)^(n - 1) 2 error and more by
@@ -126,14 +133,22 @@ def _expected(walk: CellWalk, region: Any, form: Places, corner: Places, vertice
     """
     cells, n = walk.arrived, walk.arrived.start.shape[1]
     corners, owner = simplices_of(cells)
-    points = vertices.points[corners]
-    volume = np.abs(determinants(points[:, 1:] - points[:, :1]))
-    lifted = np.concatenate([points, np.full((*points.shape[:2], 1), 1 << PLACES, dtype=object)], axis=2).sum(axis=1)
-    mean = corner[corners].sum(axis=1) + times(times(lifted[:, None, :], form[owner]), lifted[:, :, None])[:, 0, 0]
-    total = Fraction(int((volume * mean).sum()), ONE * ONE * (n + 1) * (n + 2))
+    volume, weighted = 0, 0
+    for begin in range(0, len(corners), BATCH):
+        late = deadline.passed(0)
+        if late:
+            return late
+        batch = slice(begin, begin + BATCH)
+        points = vertices.points[corners[batch]]
+        share = np.abs(determinants(points[:, 1:] - points[:, :1]))
+        lifted = np.concatenate([points, np.full((*points.shape[:2], 1), 1 << PLACES, dtype=object)], axis=2).sum(axis=1)
+        mean = times(times(lifted[:, None, :], form[owner[batch]]), lifted[:, :, None])[:, 0, 0]
+        mean = mean + corner[corners[batch]].sum(axis=1)
+        volume, weighted = volume + int(share.sum()), weighted + int((share * mean).sum())
+    total = Fraction(weighted, ONE * ONE * (n + 1) * (n + 2))
     M, C = largest(floats(vertices.points)), largest(floats(form))
     slop = len(corners) * factorial(n) * (4 * M + 4) ** (n + 4) * 64 * max(vertices.error, RESOLUTION)
     whole = sum((abs(determinant(exact(simplex[1:]) - exact(simplex[0]))) for simplex in region.simplices()), Fraction(0))
-    if abs(Fraction(int(volume.sum()), ONE) - whole) > Fraction(slop):
-        return None
+    if abs(Fraction(volume, ONE) - whole) > Fraction(slop):
+        return "the volumes of the cells do not add up to that of the initial set"
     return (total + Fraction(slop * (C + 1))) / whole

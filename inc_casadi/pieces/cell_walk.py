@@ -13,7 +13,8 @@ import numpy as np
 from ..arrays import Array
 from ..claims.regional import Regional
 from ..sets import Box, Polytope, simplex
-from .cells import Cells, simplices_of, whole
+from .begin import Begin, begin_of
+from .cells import Cells, simplices_of
 from .cutting import Deadline, inputs_at, one_law_each, under_laws
 from .laws import Laws, PiecewiseLoop
 from .simplices import Simplices
@@ -135,20 +136,21 @@ class CellWalk:
 
 
 def cell_walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budget: Budget | None = None,
-              progress: Callable[[int, int], None] | None = None) -> CellWalk:
-    """Follow every starting point of the claim's initial set, in floats, until it lies in the terminal set.
+              progress: Callable[[int, int], None] | None = None, begin: Begin | None = None) -> CellWalk:
+    """Follow every starting point, in floats, until it lies in the terminal set.
 
     At each step: cells within the terminal ellipsoid (all vertices in, so by convexity all points) are done and take its
     tail cost; the others are cut until the controller is one law on each (`one_law_each`); their inputs are compared with
     the limits at the vertices, which decides for all points since u is affine there; their vertices move.
 
-    progress: called with (step, cells alive).
+    progress: called with (step, cells alive); begin: where motions begin, by default anywhere in the claim's initial set.
     """
     budget = budget or Budget()
     deadline = Deadline(budget.pieces, budget.seconds, time.monotonic())
     region = claim.initial.support
     assert isinstance(region, Box | Polytope)
-    alive = whole(region)
+    begin = begin_of(region) if begin is None else begin
+    alive = begin.cells()
     reach = DIVERGED * float(np.max(np.abs(alive.now)))
     node, trails, patterns = np.zeros(len(alive), int), Trails.begin(loop.inc.q), None
     done, arrival, nodes = [], [], []
@@ -178,7 +180,7 @@ def cell_walk(loop: PiecewiseLoop, claim: Regional, terminal: TerminalSet, budge
         alive, room = stepped(loop, claim, alive, loop.laws(distinct), which, scale)
         slack, scale = min(slack, room), scale * claim.discount
     return CellWalk(Cells.joined_all(done, alive.planes), alive, np.concatenate(arrival), np.concatenate(nodes), trails,
-                    slack, ended, time.monotonic() - deadline.start, region.volume)
+                    slack, ended, time.monotonic() - deadline.start, begin.region.volume)
 
 
 def stepped(loop: PiecewiseLoop, claim: Regional, cells: Cells, laws: Laws, which: np.ndarray,
@@ -195,10 +197,10 @@ def stepped(loop: PiecewiseLoop, claim: Regional, cells: Cells, laws: Laws, whic
 
 
 def _with_tail(inside: Cells, terminal: TerminalSet, scale: float) -> Cells:
-    n = inside.motion.shape[1]
-    lifted = np.zeros((len(inside), n + 1, n + 1))
-    lifted[:, :n], lifted[:, n, n] = inside.motion, 1.0
-    lifted[:, :n, n] -= terminal.x
+    N, n, width = inside.motion.shape
+    lifted = np.zeros((N, n + 1, width))
+    lifted[:, :n], lifted[:, n, -1] = inside.motion, 1.0
+    lifted[:, :n, -1] -= terminal.x
     return replace(inside, cost=inside.cost + scale * np.swapaxes(lifted, 1, 2) @ terminal.tail @ lifted)
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..arrays import Array
+from ..brief import Brief
 from ..sets import Box, Polytope, simplex
 from .scatter import scattered
 
@@ -14,7 +15,7 @@ GAPS = np.linspace(-0.1, 0.1, 18)[1:-1]  # where a cut may be placed, in toleran
 
 
 @dataclass(frozen=True, eq=False)
-class Cells:
+class Cells(Brief):
     """N polytopes of starting points in R^n and where their points are now, with M vertices in all.
 
     A polytope is simple: each vertex lies on exactly n facets, so a vertex is known by its facets, and two vertices

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..brief import Brief
 from ..errors import ConvergenceError, InfeasibleError
 from ..mpc import MPC
 from ..projection import projection
@@ -20,7 +21,7 @@ ACTIVE_TOL = 1e-9  # in floats, a slack or multiplier beyond zero by this share 
 
 
 @dataclass(frozen=True, eq=False)
-class CriticalRegions:
+class CriticalRegions(Brief):
     """The law of an `MPC`, piecewise affine, with active sets for patterns: a source of affine laws like `PiecewiseLoop`.
 
     With the program min 1/2 v'H v + v'F x over G v <= w + E x, v = -H^{-1}(F x + G'l) and slack s = w + E x - G v,

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from ..activations.stack import slopes
 from ..arrays import Array, matrix
+from ..brief import Brief
 from ..certificate import Proof
 from ..errors import ConvergenceError, DimensionError, InvalidInputError
 from ..figures import at_least, at_most
@@ -29,7 +30,7 @@ PROOF_SECONDS = 60.0
 
 
 @dataclass(frozen=True, eq=False)
-class Difference:
+class Difference(Brief):
     """The largest |u_1 - u_2| over a polytope: over all outputs, and of each one.
 
     value, point (n,), output: the largest, a point where it is taken, and which output; each (m,): the largest of every

@@ -10,6 +10,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..blocks import exact
+from ..brief import Brief
 from ..errors import ConvergenceError, InvalidInputError
 from ..fixed_point import feedforward_levels
 from ..inc import INC
@@ -23,7 +24,7 @@ REPAIRS, ROUNDS = 60, 8  # Newton steps on a pattern: in Fractions the last reso
 
 
 @dataclass(frozen=True, eq=False)
-class Laws:
+class Laws(Brief):
     """The affine laws of several patterns, side by side: on pattern k, z = Zx[k] x + z0[k] and u = Gx[k] x + g[k].
 
     patterns (k, q): piece index of each unit; Zx (k, q, n), z0 (k, q), Gx (k, m, n), g (k, m); low, high (k, q): the
@@ -43,7 +44,7 @@ class Laws:
 
 
 @dataclass(frozen=True, eq=False)
-class PiecewiseLoop:
+class PiecewiseLoop(Brief):
     """A plant and a piecewise-affine controller, ready for exact pieces in one of three kinds of numbers.
 
     arithmetic: "float"; "exact", in Fractions; or "fixed", in numbers of 256 binary places (`Fixed`), where laws are

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..brief import Brief
 from ..errors import InvalidInputError
 from ..inc import INC
 from ..loop import close_loop
@@ -22,7 +23,7 @@ from .walk import Budget
 
 
 @dataclass(frozen=True, eq=False)
-class ReachableSets:
+class ReachableSets(Brief):
     """Where the motions from a set are at steps 0, 1, ..., and what their inputs are on the way.
 
     The set at step k is the union of the images of the cells of `stages[k]`, each the convex hull of its vertices `now`.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..brief import Brief
 from ..errors import InvalidInputError
 from ..inc import INC
 from ..loop import close_loop
@@ -20,7 +21,7 @@ SLIVER = 1e-12  # a share of the volume below which a region is rounding
 
 
 @dataclass(frozen=True, eq=False)
-class Regions:
+class Regions(Brief):
     """The patterns of a law on a polytope: on region i, u = G[i] x + g[i].
 
     patterns (k, q), G (k, m, n), g (k, m); volumes (k,); lost: what they lack of the polytope's volume, slivers of rounding

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, number
+from ..brief import Brief
 from ..claims.regional import Regional
 from ..errors import InvalidInputError
 from ..inc import INC
@@ -25,7 +26,7 @@ BACK = (1.0, 4.0, 16.0, 64.0)  # how far below the refuted factor is tried, in t
 
 
 @dataclass(frozen=True, eq=False)
-class Scale:
+class Scale(Brief):
     """The largest factor found: the claim is certified from factor * X, and refuted for `refuted` * X by a motion.
 
     factor: 0 when nothing was certified; certificate: of the largest set, or of the last one tried; refuted: infinite when

@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array
+from ..brief import Brief
 
 
 @dataclass(frozen=True, eq=False)
-class Simplices:
+class Simplices(Brief):
     """N simplices in R^n, each the image of a simplex of starting points under one affine map.
 
     now (N, n+1, n): the vertices where they are; start (N, n+1, n): the vertices where they began; weight (N,): the

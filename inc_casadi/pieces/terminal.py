@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import Any
 
 import numpy as np
 
 from ..arrays import Array
+from ..brief import Brief
 from ..claims.regional import Regional
 from ..errors import ConvergenceError, NoEquilibriumError
 from ..loop import equilibrium
@@ -20,10 +21,11 @@ LEVEL_SHRINK = 1 - 1e-9
 TAIL_SLACK = 1e-10
 TAIL_SHARES = (1e-14, 1e-13, 1e-12)
 CONSTANT_SLACK = 1e-12
+TRANSIENT = 1e-3  # of a bound's distance, relative to the bound that is used most
 
 
 @dataclass(frozen=True, eq=False)
-class TerminalSet:
+class TerminalSet(Brief):
     """The ellipsoid E = {x: e'P e <= level}, e = x - x*, from which every motion converges to x*, and the cost from there.
 
     pattern (q,): the pattern at x*; x (n,): the equilibrium x*; tail (n+1, n+1): the discounted cost from x in E is at
@@ -77,7 +79,7 @@ def find(loop: PiecewiseLoop, claim: Regional) -> tuple[TerminalSet | None, str]
         return None, around
     pattern, law, x, A_star = around
     radius = float(np.max(np.abs(np.linalg.eigvals(A_star))))
-    where = f"x* = {np.round(x, 6).tolist()}"
+    where = f"x* = {(np.round(x, 6) + 0.0).tolist()}"
     if radius >= 1:
         return None, f"the law around its equilibrium {where} does not stabilize: its spectral radius is {radius:.6g}"
     stage = claim.Q + law.Gx[0].T @ claim.R @ law.Gx[0]
@@ -95,6 +97,37 @@ def find(loop: PiecewiseLoop, claim: Regional) -> tuple[TerminalSet | None, str]
     if tail is None:
         return None, f"resting at {where} costs something at every step, and discount = 1"
     return TerminalSet(pattern, x, P, level, tail), ""
+
+
+def widened(loop: PiecewiseLoop, claim: Regional, found: TerminalSet, late: Array) -> TerminalSet:
+    """Return the set with another ellipsoid, wider where motions are late, if bounds that they no longer near held it back.
+
+    late (N, n): states that motions have after a while. A bound, at distance d and with gradient w, is transient when these
+    use up at most a thousandth of the share |w'e| / d of their distance that they use up of some other's: a gate that was
+    open in the first steps, say. Let A*'S A* - S = -sum w w' / d^2 over the transient ones. With P + t S in place of P the
+    level that they allow, d^2 / w'(P + t S)^{-1} w, is at least t; so with t twice what the others allow these decide, and
+    late motions, to which S hardly adds anything, arrive sooner.
+    """
+    law = loop.laws(found.pattern[None])
+    A_star = loop.plant.A + loop.plant.B @ law.Gx[0]
+    distance, gradient, _ = _bounds(loop, claim, law, found.x)
+    if not len(late) or not np.all(np.isfinite(late)) or not distance.size:
+        return found
+    used = np.max(np.abs((late - found.x) @ gradient.T), axis=0) / distance
+    transient = used <= TRANSIENT * np.max(used)
+    if not transient.any() or transient.all():
+        return found
+    scaled = gradient[transient] / distance[transient, None]
+    S = discounted_lyapunov(A_star, scaled.T @ scaled)
+    P = found.P + 2.0 * _widest(found.P, distance[~transient], gradient[~transient]) * (S + S.T) / 2
+    size = float(np.max(np.abs(P)))
+    return replace(found, P=P / size, level=LEVEL_SHRINK * _widest(P / size, distance, gradient))
+
+
+def _widest(P: Array, distance: Array, gradient: Array) -> float:
+    """The largest level whose ellipsoid keeps within all bounds, 1e12 at most."""
+    reach = (gradient * np.linalg.solve(P, gradient.T).T).sum(axis=1)
+    return float(np.min(distance[reach > 0] ** 2 / reach[reach > 0], initial=1e12))
 
 
 def with_ellipsoid(loop: PiecewiseLoop, claim: Regional, P: Array, level: float) -> TerminalSet | None:
@@ -128,16 +161,19 @@ def in_fractions(loop: PiecewiseLoop, claim: Regional, found: TerminalSet) -> Te
     """Return the set in Fractions with the exact equilibrium and a tail bound that is strict by a small slack.
 
     The slack makes up for the rounding of the tail, and is part of every cost that is proved. So shares of the tail itself
-    are tried first, the least that suffices, whatever the units of the states are; and where the tail is singular a share of
-    the stage cost's size in every direction.
+    are tried first, the least that suffices, whatever the units of the states are. Where the tail is singular, as for a
+    state of a controller that no longer matters, the same shares of its largest value on the ellipsoid are added in every
+    direction, and at last a share of the stage cost's size.
     """
     law = loop.laws(found.pattern[None])
     A_star = loop.numbers(loop.plant.A) + loop.numbers(loop.plant.B) @ law.Gx[0]
     rest = solve(identity(loop.plant.n, A_star) - A_star, (loop.numbers(loop.plant.B) @ law.g[0])[:, None])[:, 0]
     rounded_law = (law.Gx[0].astype(float), law.g[0].astype(float), A_star.astype(float), rest.astype(float))
     number, exact = loop.numbers, None
-    for share in (*TAIL_SHARES, None):
-        tail = _tail(claim, *rounded_law, slack=TAIL_SLACK if share is None else 0.0, share=share or 0.0)
+    spread = _spread(found)
+    for share, more in (*((share, 0.0 * spread) for share in TAIL_SHARES), *((share, spread) for share in TAIL_SHARES),
+                        (None, spread)):
+        tail = _tail(claim, *rounded_law, slack=TAIL_SLACK if share is None else 0.0, share=share or 0.0, more=more)
         assert tail is not None
         exact = TerminalSet(found.pattern, rest, number(found.P), number(np.array(found.level)).item(), number(tail))
         if _tail_refusal(loop, claim, exact, law.Gx[0], law.g[0], A_star) is None:
@@ -201,8 +237,14 @@ def _stage_form(claim: Regional, Gx: Array, g: Array, x: Array, number) -> Array
     return form
 
 
-def _tail(claim: Regional, Gx: Array, g: Array, A_star: Array, x: Array, slack: float,
-          share: float = 0.0) -> Array | None:
+def _spread(found: TerminalSet) -> Array:
+    """The least multiple of P that is at least the quadratic part of the tail."""
+    n = len(found.x)
+    return np.asarray(found.P * float(np.max(np.linalg.eigvals(np.linalg.solve(found.P, found.tail[:n, :n])).real)))
+
+
+def _tail(claim: Regional, Gx: Array, g: Array, A_star: Array, x: Array, slack: float, share: float = 0.0,
+          more: Array | float = 0.0) -> Array | None:
     n, beta = x.shape[0], claim.discount
     form = _stage_form(claim, Gx, g, x, np.asarray)
     scale = float(np.trace(form[:n, :n])) / n
@@ -210,7 +252,7 @@ def _tail(claim: Regional, Gx: Array, g: Array, A_star: Array, x: Array, slack: 
     stage = form[:n, :n] + slack * scale * np.eye(n)
     tail[:n, :n] = discounted_lyapunov(A_star, stage, beta)
     if share:
-        tail[:n, :n] = discounted_lyapunov(A_star, stage + share * tail[:n, :n], beta)
+        tail[:n, :n] = discounted_lyapunov(A_star, stage + share * (tail[:n, :n] + more), beta)
     if beta < 1:
         p = np.linalg.solve(np.eye(n) - beta * A_star.T, form[:n, n])
         tail[:n, n], tail[n, :n] = p, p

@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..blocks import exact
+from ..brief import Brief
 from ..claims.regional import Regional
 from ..sets import Box, Polytope
 from .enclosure import Step
@@ -32,7 +33,7 @@ class Budget:
 
 
 @dataclass(frozen=True, eq=False)
-class Walk:
+class Walk(Brief):
     """What a walk found.
 
     done: the simplices that reached the terminal set, their cost forms complete; left: those still under way when

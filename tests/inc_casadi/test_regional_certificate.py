@@ -323,7 +323,7 @@ def by_polytopes(monkeypatch, certificate, built_in=True, **changes):
     import inc_casadi.regional_proof as module
     seen = []
 
-    def settle(walk, loop, claim, terminal, deadline):
+    def settle(walk, loop, claim, terminal, deadline, begin=None):
         seen.append(terminal)
         return replace(original(walk, loop, claim, terminal, deadline), **changes)
 

@@ -137,6 +137,6 @@ def test_readouts_with_kinks_at_rest_and_with_loops_in_W(W, b, conewise):
     bent = replace(bent, d=-bent(np.zeros(2))).with_saturated_output(SPEC.inputs)
     dynamic = observer(DOUBLE, L, corrected(bent, np.linalg.solve(DOUBLE.A, L), DOUBLE.C))
     found = certify_dynamic(DOUBLE, dynamic, CLAIM).require()
-    assert found.prove() and (found.inner.conewise is not None) == conewise
+    assert found.prove() and (found.memory is not None) == (found.evidence.conewise is not None) == conewise
     nodes, weights = SPEC.initial.quadrature(60)
     np.testing.assert_allclose(found.bound, weights @ costs(dynamic, nodes, 200), rtol=1e-3)

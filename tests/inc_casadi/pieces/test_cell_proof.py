@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from settled_walks import SHARE, clipped, walked
-from walk_draws import USABLE, draw
+from walk_draws import EACH_WALK, draw
 
 from inc_casadi.pieces.cell_motions import motions, placed_laws, planes
 from inc_casadi.pieces.cell_proof import settle
@@ -16,7 +16,7 @@ from inc_casadi.pieces.terminal import in_places
 from inc_casadi.pieces.walk import walk
 
 
-@pytest.mark.parametrize("seed", USABLE)
+@EACH_WALK
 def test_costs_with_256_places_are_those_of_the_walk_in_floats(seed):
     plant, inc, claim = draw(seed)
     found, loop, terminal = walked(plant, inc, claim)

@@ -3,7 +3,7 @@
 import numpy as np
 import oracles
 import pytest
-from walk_draws import USABLE, draw, motions
+from walk_draws import EACH_WALK, USABLE, draw, motions
 
 from inc_casadi import INC, Box, Plant
 from inc_casadi.claims.regional import Regional
@@ -22,7 +22,7 @@ def both(plant, inc, claim, budget=None):
     return cell_walk(loop, claim, terminal, budget), walk(loop, claim, terminal, budget)
 
 
-@pytest.mark.parametrize("seed", USABLE)
+@EACH_WALK
 def test_polytopes_and_simplices_agree(seed):
     plant, inc, claim = draw(seed)
     cells, simplices = both(plant, inc, claim)
@@ -33,7 +33,7 @@ def test_polytopes_and_simplices_agree(seed):
     assert len(cells.arrived) <= len(simplices.done)
 
 
-@pytest.mark.parametrize("seed", USABLE)
+@EACH_WALK
 def test_costs_are_those_of_trajectories(seed):
     plant, inc, claim = draw(seed)
     found, _ = both(plant, inc, claim)

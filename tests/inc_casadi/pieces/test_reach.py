@@ -4,7 +4,7 @@ import numpy as np
 import oracles
 import pytest
 from scipy.spatial import ConvexHull
-from walk_draws import USABLE, draw
+from walk_draws import EACH_WALK, draw
 
 from inc_casadi import INC, Box, Plant, Polytope, ReLU, Tanh
 from inc_casadi.errors import InvalidInputError, NotWellPosedError
@@ -12,7 +12,7 @@ from inc_casadi.pieces.reach import reachable
 from inc_casadi.pieces.walk import Budget
 
 
-@pytest.mark.parametrize("seed", USABLE)
+@EACH_WALK
 def test_vertices_are_reached_and_no_motion_leaves_the_boxes(seed):
     plant, inc, claim = draw(seed)
     steps = 4

@@ -8,6 +8,7 @@ from inc_casadi import INC, Box, Plant, Polytope, Tanh
 from inc_casadi.claims.regional import Regional
 from inc_casadi.errors import InvalidInputError
 from inc_casadi.pieces.scale import largest_scale
+from inc_casadi.pieces.walk import Budget
 
 PLANT = Plant([[1.1, 1.0], [0.0, 1.02]], [[0.2], [0.5]])
 GAIN = np.array([[-1.0955, -1.9764]])
@@ -48,8 +49,8 @@ def test_what_is_not_piecewise_affine_is_refused():
 
 
 def test_a_slow_motion_refutes_nothing(monkeypatch):
-    """x+ = x + u / 1000 with u = sat(-x): from 16 the way to rest takes 15 000 steps, and every motion comes to rest."""
+    """x+ = x + u / 250 with u = sat(-x): from 16 the way to rest takes 3750 steps, and every motion comes to rest."""
     monkeypatch.setattr("inc_casadi.pieces.scale.LARGEST", 16.0)
     claim = Regional(Box([-1.0], [1.0]), Box([-1.0], [1.0]), [[1.0]], [[0.0]], 0.9)
-    found = largest_scale(Plant([[1.0]], [[0.001]]), INC.saturated([[-1.0]], 1.0), claim)
+    found = largest_scale(Plant([[1.0]], [[0.004]]), INC.saturated([[-1.0]], 1.0), claim, budget=Budget(steps=300))
     assert found.witness is None and found.refuted == np.inf and found.factor >= 1

@@ -6,7 +6,7 @@ from fractions import Fraction
 import numpy as np
 import oracles
 import pytest
-from walk_draws import USABLE, draw, motions
+from walk_draws import EACH_WALK, draw, motions
 
 from inc_casadi import INC, Box, Identity, Plant, Polytope, ReLU, Saturation
 from inc_casadi.claims.regional import Regional
@@ -46,7 +46,7 @@ def located(start, points):
 # Draws whose sampled motions converge; the others have an unstable equilibrium or motions that grow.
 
 
-@pytest.mark.parametrize("seed", USABLE)
+@EACH_WALK
 def test_the_cost_form_of_its_simplex_is_the_simulated_cost_of_each_point(seed):
     plant, inc, claim = draw(seed)
     found = follow(plant, inc, claim)
@@ -57,7 +57,7 @@ def test_the_cost_form_of_its_simplex_is_the_simulated_cost_of_each_point(seed):
     np.testing.assert_allclose(exact, motions(plant, inc, claim, points)[2], rtol=1e-7)
 
 
-@pytest.mark.parametrize("seed", USABLE)
+@EACH_WALK
 def test_expected_worst_and_slack_stand_up_to_sampled_motions(seed):
     plant, inc, claim = draw(seed)
     found = follow(plant, inc, claim)
