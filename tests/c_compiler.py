@@ -11,12 +11,13 @@ import pytest
 
 from inc_casadi.activations.stack import derivative
 
-STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Werror")
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wsign-conversion", "-Wshadow",
+          "-Wdouble-promotion", "-Werror")
 
 MANY = """\
 #include "{name}.c"
 {state}
-void many(int count, const double *y, double *u, int *steps)
+void many(int count, const {word} *y, {word} *u, int *steps)
 {{
     int k;
     for (k = 0; k < count; k++) steps[k] = {name}({pointer}y + k * {p}, u + k * {m});
@@ -32,8 +33,16 @@ def compiler():
     return found
 
 
+def compilers():
+    """Every C compiler found, for warnings that one has and another has not."""
+    return [path for path in map(shutil.which, ("gcc", "clang")) if path is not None] or [compiler()]
+
+
 def compiled(source, folder, *flags, change=lambda text: text):
-    """The function of a `CSource`: columns y (p, N) to u (m, N) and returned steps (N,); change: edits its text first."""
+    """The function of a `CSource`: columns y (p, N) to u (m, N) and returned steps (N,); change: edits its text first.
+
+    In single precision y is rounded to floats first.
+    """
     command = [compiler(), *STRICT, *(flags or ("-O1",))]
     source.write(folder)
     path = folder / f"{source.name}.c"
@@ -41,16 +50,17 @@ def compiled(source, folder, *flags, change=lambda text: text):
     p, m = (int(source.header.split(f"{source.name.upper()}_{what} ")[1].split()[0]) for what in ("MEASUREMENTS", "OUTPUTS"))
     cached = f"{source.name}_state" in source.header
     text = MANY.format(name=source.name, state=f"static {source.name}_state state;" if cached else "",
-                       pointer="&state, " if cached else "", p=p, m=m)
+                       pointer="&state, " if cached else "", p=p, m=m, word=source.precision)
     (folder / "many.c").write_text(text)
     subprocess.run([*command, "-shared", "-fPIC", str(folder / "many.c"), "-o", str(folder / "many.so"), "-lm"], check=True)
+    kind = np.float32 if source.precision == "float" else np.float64
     library = ctypes.CDLL(str(folder / "many.so"))
 
     def call(y):
-        y = np.ascontiguousarray(np.asarray(y, dtype=float).T)
-        u, steps = np.full((len(y), m), np.nan), np.zeros(len(y), dtype=np.intc)
+        y = np.ascontiguousarray(np.asarray(y, dtype=kind).T)
+        u, steps = np.full((len(y), m), np.nan, dtype=kind), np.zeros(len(y), dtype=np.intc)
         library.many(len(y), *(array.ctypes.data_as(ctypes.c_void_p) for array in (y, u, steps)))
-        return u.T, steps
+        return u.T.astype(float), steps
     return call
 
 

@@ -11,18 +11,19 @@ from typing import Any
 from inc_casadi.arrays import Array
 from inc_casadi.interchange.c_code import CSource
 
-FLAGS = ("-std=c99", "-O3", "-march=native")
+FLAGS, NATIVE = ("-std=c99", "-O3"), ("-march=native",)  # portable, and what is added for this processor alone
 LEAST_SECONDS, ROUNDS = 0.02, 3
 
 PROGRAM = """\
 #include <stdio.h>
 #include <time.h>
 #include "{included}"
-static const double points[] = {{{points}}};
+static const {word} points[] = {{{points}}};
 {setup}
 int main(void)
 {{
-    double u[{m}], sum = 0.0, best = 1e9;
+    {word} u[{m}];
+    double sum = 0.0, best = 1e9;
     long repeats = 1;
     int round = 0;
     while (round < {rounds}) {{
@@ -33,7 +34,7 @@ int main(void)
         for (r = 0; r < repeats; r++)
             for (k = 0; k < {count}; k++) {{
                 {call}
-                sum += u[0];
+                sum += (double)u[0];
             }}
         seconds = (double)(clock() - start) / CLOCKS_PER_SEC;
         if (seconds < {least}) {{ repeats *= 2; continue; }}
@@ -48,9 +49,10 @@ int main(void)
 
 @dataclass(frozen=True)
 class Timed:
-    """Microseconds of CPU time per evaluation, and bytes of object code and data."""
+    """Microseconds of CPU time per evaluation, portable and compiled for this processor; bytes of portable code and data."""
 
     microseconds: float
+    native: float
     size: int
 
 
@@ -65,7 +67,8 @@ def time_law(source: CSource, y: Array, folder: Path) -> Timed:
     cached = f"{source.name}_state" in source.header
     call = f"{source.name}({'&state, ' if cached else ''}points + k * {y.shape[0]}, u);"
     outputs = int(source.header.split("_OUTPUTS ")[1].split()[0])
-    return _timed(folder, f"{source.name}.c", y, outputs, f"static {source.name}_state state;" if cached else "", call)
+    return _timed(folder, f"{source.name}.c", y, outputs, f"static {source.name}_state state;" if cached else "", call,
+                  source.precision)
 
 
 def time_casadi(function: Any, y: Array, folder: Path) -> Timed:
@@ -83,19 +86,24 @@ def time_casadi(function: Any, y: Array, folder: Path) -> Timed:
     return _timed(folder, "casadi_law.c", y, int(function.size1_out(0)), setup, call)
 
 
-def _timed(folder: Path, included: str, y: Array, outputs: int, setup: str, call: str) -> Timed:
-    points = ", ".join(float(entry).hex() for entry in y.T.ravel())
+def _timed(folder: Path, included: str, y: Array, outputs: int, setup: str, call: str, word: str = "double") -> Timed:
+    points = ", ".join(float(entry).hex() + "f" * (word == "float") for entry in y.T.ravel())
     text = PROGRAM.format(included=included, points=points, setup=setup, m=outputs, rounds=ROUNDS, count=y.shape[1],
-                          call=call, least=LEAST_SECONDS)
+                          call=call, least=LEAST_SECONDS, word=word)
     (folder / "program.c").write_text(text, encoding="ascii")
     found = compiler()
     if found is None:
         raise RuntimeError("no C compiler was found")
-    flags = [found, *FLAGS]
-    subprocess.run([*flags, "program.c", "-o", "program", "-lm"], cwd=folder, check=True, capture_output=True)
-    subprocess.run([*flags, "-c", included, "-o", "law.o"], cwd=folder, check=True, capture_output=True)
+    times = [_least(folder, [found, *FLAGS, *more]) for more in ((), NATIVE)]
+    subprocess.run([found, *FLAGS, "-c", included, "-o", "law.o"], cwd=folder, check=True, capture_output=True)
+    return Timed(times[0], times[1], _loaded_bytes(folder / "law.o"))
+
+
+def _least(folder: Path, command: list[str]) -> float:
+    """Compile and run the program, and return microseconds per evaluation."""
+    subprocess.run([*command, "program.c", "-o", "program", "-lm"], cwd=folder, check=True, capture_output=True)
     run = subprocess.run([str(folder / "program")], check=True, capture_output=True, text=True, timeout=120)
-    return Timed(1e6 * float(run.stdout.split()[0]), _loaded_bytes(folder / "law.o"))
+    return 1e6 * float(run.stdout.split()[0])
 
 
 def _loaded_bytes(path: Path) -> int:

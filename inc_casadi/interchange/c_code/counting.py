@@ -13,8 +13,9 @@ from .expressions import curve
 from .loops import Loop
 from .split_loops import BETWEEN
 from .stages import Stage
+from .text import MANY_ROWS, padded
 
-DISTANCE = 6  # per unit: difference, sign, product, largest, sum, and room for the test
+DISTANCE = 7  # per unit: difference, its two signs, product, largest, sum, and whether it is zero
 
 
 class Work(NamedTuple):
@@ -32,12 +33,13 @@ NONE = Work(0, 0)
 
 
 def product(matrix: Array) -> Work:
-    """Return the work of z += matrix x: none for a matrix of zeros, which is left out.
+    """Return the work of z += matrix x: none for a matrix of zeros, which is left out; many rows go by four columns.
 
     >>> product(np.ones((2, 3))).operations, product(np.zeros((2, 3))).operations
     (12, 0)
     """
-    return Work(2 * matrix.size if matrix.any() else 0, 0)
+    rows, count = matrix.shape
+    return Work(2 * rows * (padded(count) if rows >= MANY_ROWS else count) if matrix.any() else 0, 0)
 
 
 def units_once(units: Units) -> Work:
@@ -53,19 +55,22 @@ def evaluation(law: INC, stage: Stage) -> Work:
     return product(law.W[stage.own, stage.own]).plus(units_once(units)).plus(Work(DISTANCE * stage.size, 0))
 
 
-def trial(law: INC, stage: Stage, cache: bool = False) -> Work:
+def trial(law: INC, stage: Stage, cache: bool = False, inner: int = 0) -> Work:
     """Return the work of a Newton trial when all k units have a slope: tangents, elimination, solution, and what judges it.
 
-    Elimination without pivots takes about 2 k^3 / 3, the inverse that a cache keeps 2 k^3.
+    Elimination without pivots takes about 2 k^3 / 3, the inverse that a cache keeps 2 k^3, each inner step 2 k^2.
 
     >>> trial(INC([[0.5]], [[1.0]], [[1.0]], [[0.0]]), Stage(0, 1, 0, 0, True)).operations
-    30
+    31
     """
     k = stage.size
     rest = np.arange(k)
     steps = k * (1 + k + 2 * k * (k - 1)) if cache else int(np.sum(1 + rest * (1 + 2 * rest)))
     kinks = sum(unit.pieces.kinks.size for unit in law.activations[stage.own] if unit.pieces is not None)
-    once = Work(2 * k * k + steps + 5 * k + int(kinks) + 2 * k * k + 6 * k, 0)
+    solved = 4 * k * k + steps
+    if inner:
+        solved = inner * (2 * padded(k) ** 2 + 2 * padded(k))
+    once = Work(solved + 11 * k + int(kinks), 0)
     return once.plus(product(law.W[stage.own, stage.own])).plus(evaluation(law, stage))
 
 
@@ -73,7 +78,7 @@ def loop_work(law: INC, stage: Stage, loop: Loop, cache: bool) -> Work:
     """Return the work of solving a loop when nothing ends it early."""
     k, units = stage.size, law.activations[stage.own]
     start = units_once(units).plus(Work(DISTANCE * k, 0))
-    one, attempt = evaluation(law, stage), trial(law, stage, cache)
+    one, attempt = evaluation(law, stage), trial(law, stage, cache, loop.inner)
     if loop.splitting is not None:
         step = Work(2 * k * k + 8 * k, 0).plus(units_once(units))
         looks = one.plus(product(loop.splitting.back)).plus(Work(2 * k, 0))

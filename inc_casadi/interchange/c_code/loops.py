@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import partial
 from math import ceil, log
+from typing import NamedTuple
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from ...errors import NotWellPosedError
 from ...inc import INC
 from ...splitting import Splitting
 from ...well_posed import WellPosedness, error_from_residual, well_posedness
-from .sizes import EPS, Sizes, by_column, drive, evaluation_error, image, inherited
+from .sizes import Sizes, by_column, drive, evaluation_error, image, inherited
 from .stages import Stage
 
 GUARD = 1 + 1e-9  # covers the rounding of bounds, which are sums of nonnegative numbers
@@ -27,7 +28,7 @@ class Loop:
 
     method: "contraction", "newton" (safeguarded by contraction steps), "splitting" or "newton and splitting"; rate: of
     the contraction or the splitting; weights: v (k,) of the norm max |x_i| / v_i; trials: of Newton's steps at most;
-    splitting: its operators, or None.
+    inner: steps by which a trial solves its pattern, 0 for elimination; splitting: its operators, or None.
     """
 
     method: str
@@ -35,6 +36,7 @@ class Loop:
     weights: Array
     steps: int
     trials: int = 0
+    inner: int = 0
     splitting: Splitting | None = None
 
     @property
@@ -43,6 +45,13 @@ class Loop:
         if self.splitting is not None:
             return self.steps + self.trials
         return self.steps + (3 + 2 * self.trials if self.trials else 0)
+
+
+class Way(NamedTuple):
+    """Whether a loop is given Newton's trials, and by how many inner steps they solve their pattern, 0 for elimination."""
+
+    newton: bool
+    inner: int = 0
 
 
 def tested(law: INC, stage: Stage) -> WellPosedness:
@@ -61,7 +70,7 @@ def tested(law: INC, stage: Stage) -> WellPosedness:
     return test
 
 
-def contracting(law: INC, stage: Stage, test: WellPosedness, sizes: Sizes, tol: float, newton: bool) -> Loop:
+def contracting(law: INC, stage: Stage, test: WellPosedness, sizes: Sizes, tol: float, way: Way) -> Loop:
     """Return how a contracting loop is solved, from bounds on what it reads.
 
     In the norm |x|_v = max |x_i| / v_i, eta -> phi(W eta + c) contracts by rate. From eta_0 = 0 the first step has the
@@ -75,15 +84,20 @@ def contracting(law: INC, stage: Stage, test: WellPosedness, sizes: Sizes, tol: 
 
     >>> from .sizes import begin
     >>> law = INC([[0.5]], [[1.0]], [[1.0]], [[0.0]])
-    >>> contracting(law, Stage(0, 1, 0, 0, True), law.contraction, begin(law, None), 1e-12, False).steps
+    >>> contracting(law, Stage(0, 1, 0, 0, True), law.contraction, begin(law, None), 1e-12, Way(False)).steps
     41
     """
     start = image(law.activations[stage.own], drive(law, stage, sizes))
-    rate = test.rate * (1 + 2 * (stage.size + 8) * EPS)
+    rate = test.rate * (1 + 2 * (stage.size + 8) * sizes.precision.eps)
+    if GUARD * rate >= 1:
+        raise NotWellPosedError(f"a loop of {stage.size} hidden units contracts by {test.rate:.12g} only, within the "
+                                f"rounding of {sizes.precision.word}s")
     largest = np.inf if start[:, 1].any() else float(np.max(start[:, 0] / test.weights))
     wanted = tol / max(min(1.0, largest), tol)
     steps = 1 + max(1, ceil(log(wanted) / log(max(rate, 1e-300))))
-    return Loop("newton" if newton else "contraction", rate, test.weights, steps, TRIALS if newton else 0)
+    steps += 0 if way.newton else (steps + 1) % 2  # two to each test after the first
+    name = "newton" if way.newton else "contraction"
+    return Loop(name, rate, test.weights, steps, TRIALS if way.newton else 0, way.inner)
 
 
 def after_contraction(law: INC, stage: Stage, loop: Loop, test: WellPosedness, sizes: Sizes, tol: float) -> Sizes:
@@ -108,7 +122,8 @@ def after_contraction(law: INC, stage: Stage, loop: Loop, test: WellPosedness, s
     terms, before = law.p + stage.high - stage.low + stage.size + 2, 2 * loop.trials + 4
 
     def rounding(met: Array) -> Array:
-        return np.max(evaluation_error(units, z + np.abs(W) @ (v[:, None] * met), terms) / v[:, None], axis=0)
+        reached = z + np.abs(W) @ (v[:, None] * met)
+        return np.max(evaluation_error(units, reached, terms, sizes.precision) / v[:, None], axis=0)
 
     met = GUARD * (2 * s + 4 * before * rounding(2 * GUARD * s / room)) / room
     delta = rounding(met)
@@ -117,7 +132,8 @@ def after_contraction(law: INC, stage: Stage, loop: Loop, test: WellPosedness, s
     inside = z + np.abs(W) @ (v[:, None] * met)
     tau = tol * np.array([max(1.0, s[0]), 0.0] if s[1] == 0 else [1.0 + s[0], s[1]])
     more = 1 + tol + loop.rate**loop.steps * before
-    own_error = GUARD * v[:, None] * (loop.rate * tau + more * delta) / room
+    tests = GUARD + 16 * sizes.precision.eps * loop.evaluations  # the tests are in floats too
+    own_error = tests * v[:, None] * (loop.rate * tau + more * delta) / room
     size = values(law, stage, z, by_column(bound, start))
     error = own_error + by_column(bound, inherited(law, stage, sizes))
     return sizes.with_stage(size, error, inside, v[:, None] * met, met, s)

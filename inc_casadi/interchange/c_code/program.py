@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import re
+
 from ...inc import INC
-from .loop_text import DISTANCE, DOT, SUBTRACT, contraction, newton, pattern_fields, pattern_solution, preactivation, weights
+from .loop_text import DISTANCE, contraction, newton, preactivation, weights
+from .pattern_text import DOT, SUBTRACT, pattern_fields, pattern_solution, pattern_type
 from .plan import Plan
 from .split_text import matrices, splitting
 from .stages import Stage
-from .text import add_product, applied, constants, counters, function, may_vanish
+from .text import COLUMNS, add_product, applied, constants, counters, function, may_vanish
 
 
 def program(plan: Plan, name: str) -> list[str]:
@@ -16,27 +19,33 @@ def program(plan: Plan, name: str) -> list[str]:
              f'#include "{name}.h"']
     if any(unit.pieces is None for unit in plan.law.activations):
         lines.append("#include <math.h>")
-    lines += ["", "#ifdef __FAST_MATH__",
-              '#error "the error bound supposes IEEE 754 arithmetic: compile without -ffast-math"', "#endif", ""]
-    if plan.keeps_patterns:
-        lines += [f"typedef {name}_state pattern;"] if plan.cache else _pattern(plan, "pattern")
-        lines += ["", *SUBTRACT, *([] if plan.cache else DOT)]
-    if any(loop is not None and loop.method != "contraction" for loop in plan.loops):
-        lines += DISTANCE
-    for k, stage in enumerate(plan.stages):
-        lines += _stage_text(plan, k, stage)
-    return lines + _main(plan, name)
+    lines += ["", "#if defined(__FAST_MATH__) || (defined(__FINITE_MATH_ONLY__) && __FINITE_MATH_ONLY__)",
+              '#error "the error bound supposes IEEE 754 arithmetic: compile without -ffast-math or -ffinite-math-only"',
+              "#endif", ""]
+    if plan.cache:
+        lines += [f"typedef {name}_state pattern;", ""]
+    text = [line for k, stage in enumerate(plan.stages) for line in _stage_text(plan, k, stage)] + _main(plan, name)
+    return lines + _called(text) + text
 
 
-def _pattern(plan: Plan, name: str) -> list[str]:
-    fields = [field for k, (stage, loop) in enumerate(zip(plan.stages, plan.loops, strict=True))
-              if loop is not None and loop.trials for field in pattern_fields(k, stage.size)]
-    return ["typedef struct {", *(f"    {field}" for field in fields), "    int filled;", f"}} {name};"]
+def _called(text: list[str]) -> list[str]:
+    """Those of the functions that serve every loop which the text calls, so that none is unused."""
+    whole = "\n".join(text)
+    helpers = {"columns": COLUMNS, "subtract": SUBTRACT, "dot": DOT, "distance": DISTANCE}
+    return [line for name, lines in helpers.items() if re.search(rf"\b{name}\(", whole) for line in lines]
 
 
 def state(plan: Plan, name: str) -> list[str]:
     """Return the definition of the state that a cache needs, nothing without one."""
-    return _pattern(plan, f"{name}_state") if plan.cache else []
+    if not plan.cache:
+        return []
+    fields = [field for k, (stage, loop) in enumerate(zip(plan.stages, plan.loops, strict=True))
+              if loop is not None and loop.trials for field in pattern_fields(k, stage.size, loop)]
+    return _structure([*fields, "int filled;"], f"{name}_state")
+
+
+def _structure(fields: list[str], name: str) -> list[str]:
+    return ["typedef struct {", *(f"    {field}" for field in fields), f"}} {name};"]
 
 
 def _stage_text(plan: Plan, k: int, stage: Stage) -> list[str]:
@@ -52,7 +61,9 @@ def _stage_text(plan: Plan, k: int, stage: Stage) -> list[str]:
     if loop is None:
         return lines
     lines += [*weights(k, loop), *preactivation(k, law.W[stage.own, stage.own], units)]
-    lines += pattern_solution(k, units, plan.cache) if loop.trials else []
+    if loop.trials:
+        lines += [] if plan.cache else [*_structure(pattern_fields(k, stage.size, loop), pattern_type(k, False)), ""]
+        lines += pattern_solution(k, units, loop, plan.cache)
     if loop.splitting is not None:
         return lines + [*matrices(k, loop), "", *splitting(k, units, loop, plan.tol, plan.cache)]
     return lines + (newton(k, units, loop, plan.tol, plan.cache) if loop.trials else contraction(k, units, loop, plan.tol))
@@ -75,7 +86,7 @@ def _main(plan: Plan, name: str) -> list[str]:
         if loop is None:
             body += applied(units, "z", f"(eta + {stage.first})")
             continue
-        pattern = ("state, " if plan.cache else "&pattern_of_loops, ") if loop.trials else ""
+        pattern = "state, " if plan.cache and loop.trials else ""
         body += [f"taken = solve_{k}({pattern}z, eta + {stage.first});", "failed |= taken < 0;",
                  "steps += taken < 0 ? -taken : taken;"]
     body += [f"for (i = 0; i < {law.m}; i++) u[i] = offset[i];", *add_product("from_y", law.K, "y", "u"),
@@ -86,7 +97,6 @@ def _main(plan: Plan, name: str) -> list[str]:
     body += ["state->filled = 1;"] if plan.cache else []
     body.append("return failed ? -steps : steps;" if loops else "return 0;")
     declared = ["double wrong = 0.0;"] if not law.q else [f"double eta[{law.q}], z[{widest}], wrong = 0.0;"]
-    declared += ["pattern pattern_of_loops;"] if plan.keeps_patterns and not plan.cache else []
     declared += ["int steps = 0, failed = 0, taken;"] if loops else []
     head = f"{name}_state *state, " if plan.cache else ""
     return [*constants("offset", law.d), *(constants("from_y", law.K) if law.K.any() else []),

@@ -15,10 +15,8 @@ from ...arrays import Array
 from ...inc import INC
 from ...sets import Box
 from .expressions import rounding
+from .precision import DOUBLE, Precision
 from .stages import Stage
-
-EPS = float(np.finfo(float).eps)
-UNDERFLOW = 1e-300  # more than one operation loses where numbers below the normal range are flushed to zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,21 +24,22 @@ class Sizes:
     """Bounds (.., 2) on |y_j|, on the computed hidden units and on their distance from the true ones, in units done so
     far.
 
-    `largest` (2,) bounds everything that is formed on the way.
+    `largest` (2,) bounds everything that is formed on the way; precision: of the floats that are computed with.
     """
 
     y: Array
     eta: Array
     error: Array
     largest: Array
+    precision: Precision = DOUBLE
 
     def with_stage(self, eta: Array, error: Array, *formed: Array) -> Sizes:
         """Return the bounds with the units of the next stage, of true size eta (k, 2), and what was formed for them."""
         largest = np.max(np.vstack([self.largest, eta + error, *(np.atleast_2d(part) for part in formed)]), axis=0)
-        return Sizes(self.y, np.vstack([self.eta, eta + error]), np.vstack([self.error, error]), largest)
+        return Sizes(self.y, np.vstack([self.eta, eta + error]), np.vstack([self.error, error]), largest, self.precision)
 
 
-def begin(inc: INC, inputs: Box | None) -> Sizes:
+def begin(inc: INC, inputs: Box | None, precision: Precision = DOUBLE) -> Sizes:
     """Return the bounds before the first stage: |y_j| over the box, or by t."""
     columns = np.zeros((inc.p, 2))
     if inputs is None:
@@ -48,7 +47,7 @@ def begin(inc: INC, inputs: Box | None) -> Sizes:
     else:
         columns[:, 0] = np.maximum(np.abs(inputs.lower), np.abs(inputs.upper))
     none = np.zeros((0, 2))
-    return Sizes(columns, none, none, columns.max(axis=0))
+    return Sizes(columns, none, none, columns.max(axis=0), precision)
 
 
 def drive(law: INC, stage: Stage, sizes: Sizes) -> Array:
@@ -79,26 +78,29 @@ def image(units: Units, z: Array) -> Array:
     return out
 
 
-def evaluation_error(units: Units, z: Array, terms: int) -> Array:
+def evaluation_error(units: Units, z: Array, terms: int, precision: Precision) -> Array:
     """Return bounds (k, 2) on |computed phi(z) - phi(z)|, z a sum of so many products of total size z (k, 2).
 
     A sum of n products in floating point, in any order and with or without fused multiply-add, errs by gamma_n times the
-    sum of their sizes (Higham, Accuracy and Stability of Numerical Algorithms, sec. 3.1); n eps here, twice gamma_n.
+    sum of their sizes (Higham, Accuracy and Stability of Numerical Algorithms, sec. 3.1); n eps here, twice gamma_n. That
+    covers coefficients which single precision rounds, too: each is one factor more in its product, and gamma_(n + 1) does.
     """
-    size = (1 + EPS * terms) * z
-    out = lipschitz(units)[:, None] * (EPS * (terms + 4) * z)
+    eps = precision.eps
+    size = (1 + eps * terms) * z
+    out = lipschitz(units)[:, None] * (eps * (terms + 4) * z)
     for unit, rows in groups(units):
         for column in range(2):
-            part = rounding(unit, size[rows, column], EPS)
-            out[rows, column] += part if column == 0 else part - rounding(unit, np.zeros(rows.size), EPS)
-    out[:, 0] += (terms + 4) * UNDERFLOW * (1 + lipschitz(units))
+            part = rounding(unit, size[rows, column], eps)
+            out[rows, column] += part if column == 0 else part - rounding(unit, np.zeros(rows.size), eps)
+    out[:, 0] += (terms + 4) * precision.tiny * (1 + lipschitz(units))
     return out
 
 
 def layer(law: INC, stage: Stage, sizes: Sizes) -> Sizes:
     """Return the bounds after a layer: its error is its own rounding and what it inherits."""
     units, z = law.activations[stage.own], drive(law, stage, sizes)
-    error = evaluation_error(units, z, law.p + stage.high - stage.low + 1) + inherited(law, stage, sizes)
+    terms = law.p + stage.high - stage.low + 1
+    error = evaluation_error(units, z, terms, sizes.precision) + inherited(law, stage, sizes)
     return sizes.with_stage(image(units, z), error, z)
 
 
@@ -106,8 +108,8 @@ def output_error(law: INC, sizes: Sizes) -> tuple[Array, Array]:
     """Return bounds (m, 2) on |computed u - u|, and (2,) on everything that was formed."""
     size = np.column_stack([np.abs(law.d), np.zeros(law.m)]) + np.abs(law.K) @ sizes.y + np.abs(law.V) @ sizes.eta
     terms = law.p + law.q + 5
-    error = np.abs(law.V) @ sizes.error + EPS * terms * size
-    error[:, 0] += terms * UNDERFLOW
+    error = np.abs(law.V) @ sizes.error + sizes.precision.eps * terms * size
+    error[:, 0] += terms * sizes.precision.tiny
     return error, np.maximum(sizes.largest, size.max(axis=0))
 
 

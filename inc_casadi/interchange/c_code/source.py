@@ -8,11 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from ...arrays import Array
+from ...brief import Brief
 from ...sets import Box
 
 
 @dataclass(frozen=True, eq=False)
-class CSource:
+class CSource(Brief):
     """Two files of C99, `name`.h and `name`.c, and what holds of the function in them.
 
     For every y with |y_j| <= reach (over `inputs`, where a box was given) the computed u satisfies, without any knowledge
@@ -23,9 +24,11 @@ class CSource:
     For a loop with a multiplier only, this is so whenever the return value is not negative.
 
     header, source: the text; inputs: the box of measurements, or None; iterations: how many steps all loops take together
-    at most, each an evaluation of their units (the looks of a splitting at its residual are in `operations` alone);
+    at most, each an evaluation of their units (a splitting's looks at its residual and the steps within a trial are in
+    `operations` alone);
     operations: additions, multiplications, divisions and comparisons at most; curved: calls of tanh at most; numbers:
-    doubles of constant data; methods: how loops are solved.
+    floats of constant data; methods: how loops are solved; stack: bytes of stack at most (`stack.FRAME` says what the
+    compiler is allowed); precision: "double" or "float", the type of y and u and of everything between.
     """
 
     name: str
@@ -40,6 +43,8 @@ class CSource:
     curved: int
     numbers: int
     methods: tuple[str, ...]
+    stack: int = 0
+    precision: str = "double"
 
     @property
     def error_bound(self) -> float:
@@ -64,11 +69,13 @@ class CSource:
         """What is proved, in one sentence."""
         over = "over the box of measurements" if self.inputs is not None else f"for |y_j| <= {self.reach:.3g}"
         more = f" + {self.relative:.3g} max |y_j|" if self.relative else ""
+        single = " in single precision" if self.precision == "float" else ""
         calls = f" and {self.curved} calls of tanh" if self.curved else ""
         if not self.methods:
-            return (f"{self.name} evaluates the law in one pass with {self.operations} operations{calls}, within "
+            return (f"{self.name} evaluates the law in one pass{single} with {self.operations} operations{calls}, within "
                     f"{self.absolute:.3g}{more} {over}.")
-        return (f"{self.name} solves the law's loops ({', '.join(self.methods)}) in at most {self.iterations} steps, "
+        how = f"({', '.join(self.methods)}){single}"
+        return (f"{self.name} solves the law's loops {how} in at most {self.iterations} steps, "
                 f"{self.operations} operations{calls}, within {self.absolute:.3g}{more} {over}.")
 
     def write(self, folder: str | Path) -> tuple[Path, Path]:

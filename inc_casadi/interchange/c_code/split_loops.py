@@ -46,7 +46,7 @@ def splitting(law: INC, stage: Stage, test: WellPosedness, tol: float, newton: b
         raise NotWellPosedError(f"the splitting of a loop of {stage.size} units contracts by {operators.rate:.12g} only")
     steps = BETWEEN * max(1, ceil(needed / BETWEEN))
     return Loop("newton and splitting" if newton else "splitting", rate, np.ones(stage.size), steps, TRIALS if newton else 0,
-                operators)
+                0, operators)
 
 
 def _limit_size(units: Units, W: Array, test: WellPosedness, operators: Splitting) -> float:
@@ -84,12 +84,13 @@ def after_splitting(law: INC, stage: Stage, test: WellPosedness, sizes: Sizes, t
     z, h = drive(law, stage, sizes), test.T**-0.5
     terms = law.p + stage.high - stage.low + stage.size + 2
     far = np.column_stack([np.abs(W) @ h, np.zeros(stage.size)])
-    grown = evaluation_error(units, far, terms) - evaluation_error(units, 0 * far, terms)
+    grown = evaluation_error(units, far, terms, sizes.precision) - evaluation_error(units, 0 * far, terms, sizes.precision)
     if not np.all(bound(grown[:, 0]) <= h / 2):
         raise NotWellPosedError(f"the monotonicity {test.monotonicity:.3g} of {stage.size} hidden units is within rounding")
     size = values(law, stage, z, by_column(bound, image(units, z)))
-    delta = evaluation_error(units, z + np.abs(W) @ size, terms)
+    delta = evaluation_error(units, z + np.abs(W) @ size, terms, sizes.precision)
     scale = np.max(z, axis=0)
     tau = tol * np.array([max(1.0, scale[0]), 0.0] if scale[1] == 0 else [1.0 + scale[0], scale[1]])
+    tau = (1 + sizes.precision.eps * (terms + 64)) * tau  # the test is in floats too
     error = 2 * by_column(bound, tau + delta) + by_column(bound, inherited(law, stage, sizes))
     return sizes.with_stage(size, error, z + np.abs(W) @ (size + error), tau)

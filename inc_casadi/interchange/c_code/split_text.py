@@ -9,6 +9,7 @@ from ...activations.stack import Units
 from ...splitting import Splitting
 from .expressions import curve, line, number, value
 from .loops import Loop
+from .pattern_text import own_pattern
 from .split_loops import BETWEEN
 from .text import add_product, applied, constants, counters, function, runs, tangents
 
@@ -19,7 +20,7 @@ def matrices(k: int, loop: Loop) -> list[str]:
     With J(w) = 2 (I + alpha F)^{-1} (w + alpha g) - w and g = drive c, J(w) = reflect w + shift c.
     """
     reflect, shift = _operators(loop)
-    out = [*constants(f"reflect_{k}", reflect), *constants(f"shift_{k}", shift)]
+    out = [*(constants(f"reflect_{k}", reflect) if reflect.any() else []), *constants(f"shift_{k}", shift)]
     assert loop.splitting is not None
     if loop.splitting.low.any():
         out += [*constants(f"back_{k}", loop.splitting.back), *constants(f"low_{k}", loop.splitting.low)]
@@ -65,24 +66,27 @@ def splitting(k: int, units: Units, loop: Loop, tol: float, cache: bool) -> list
     n, operators = len(units), loop.splitting
     assert operators is not None
     reflect, shift = _operators(loop)
+    keeps = reflect.any()  # else each step gives the same
     begin = [f"for (i = 0; i < {n}; i++) {{", "    const double far = c[i] < 0.0 ? -c[i] : c[i];",
              "    scale = far > scale ? far : scale;", "}", f"tau = {number(tol)} * (scale > 1.0 ? scale : 1.0);"]
-    body = [f"for (i = 0; i < {n}; i++) {{ shift[i] = 0.0; w[i] = 0.0; }}", *add_product(f"shift_{k}", shift, "c", "shift"),
+    body = [f"for (i = 0; i < {n}; i++) {{ shift[i] = 0.0;{' w[i] = 0.0;' if keeps else ''} }}",
+            *add_product(f"shift_{k}", shift, "c", "shift"),
             f"for (k = 1; k <= {loop.steps}; k++) {{", f"    for (i = 0; i < {n}; i++) r[i] = shift[i];",
             *(f"    {text}" for text in add_product(f"reflect_{k}", reflect, "w", "r")),
             *(f"    for (i = {a}; i < {b}; i++) v[i] = {resolvent(units[at], operators.alpha, 'r[i]')};"
               for a, b, at in runs(units)),
-            f"    for (i = 0; i < {n}; i++) w[i] = 2.0 * v[i] - r[i];", f"    if (k % {BETWEEN} != 0) continue;",
+            *([f"    for (i = 0; i < {n}; i++) w[i] = 2.0 * v[i] - r[i];"] if keeps else []),
+            f"    if (k % {BETWEEN} != 0) continue;",
             *(f"    {text}" for text in _back(k, operators)),
             f"    if (residual_{k}(c, eta, z, image) <= tau) return tried + k;",
             *(_another(k, units) if loop.trials else []), "}", f"return -(tried + {loop.steps});"]
     newton = _trials(k, units, loop, cache) if loop.trials else []
-    head = "pattern *restrict s, " if loop.trials else ""
-    more = ", gap = 1e300" if newton else ""
-    sizes = f"double z[{n}], image[{n}], w[{n}], r[{n}], v[{n}], shift[{n}], scale = 0.0, tau{more};"
+    head, own = own_pattern(k, cache) if loop.trials else ("", [])
+    more = (", gap = 1e300" if cache else ", gap") if newton else ""
+    sizes = f"double z[{n}], image[{n}],{f' w[{n}],' if keeps else ''} r[{n}], v[{n}], shift[{n}], scale = 0.0, tau{more};"
     whole = [*begin, *newton, *body]
     return [*_residual(k, units), *function(f"static int solve_{k}({head}const double *restrict c, double *restrict eta)",
-                                           [sizes, *counters(whole), "int tried = 0;"], whole)]
+                                           [sizes, *own, *counters(whole), "int tried = 0;"], whole)]
 
 
 def _residual(k: int, units: Units) -> list[str]:

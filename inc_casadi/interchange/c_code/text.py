@@ -11,7 +11,31 @@ from ...activations.stack import Units, groups
 from ...arrays import Array
 from .expressions import number, slope, value
 
-FEW_ROWS, SPARSE_ROWS = 4, 64  # a product with fewer rows goes row by row; one with many skips the columns of zeros
+FEW_ROWS, MANY_ROWS = 4, 12  # a product with fewer rows goes row by row, one with many through the function below
+
+COLUMNS = """\
+static void columns(int rows, int count, const int *restrict at, const double *restrict x, const double *restrict matrix,
+                    const double *from, double *z)
+{
+    int i, j;
+    for (j = 0; j < count; j += 4) {
+        const double *restrict a = matrix + at[j], *restrict b = matrix + at[j + 1];
+        const double *restrict c = matrix + at[j + 2], *restrict d = matrix + at[j + 3];
+        const double p = x[j], q = x[j + 1], r = x[j + 2], s = x[j + 3];
+        for (i = 0; i + 4 <= rows; i += 4) {
+            const double f0 = from[i], f1 = from[i + 1], f2 = from[i + 2], f3 = from[i + 3];
+            z[i] = f0 + ((a[i] * p + b[i] * q) + (c[i] * r + d[i] * s));
+            z[i + 1] = f1 + ((a[i + 1] * p + b[i + 1] * q) + (c[i + 1] * r + d[i + 1] * s));
+            z[i + 2] = f2 + ((a[i + 2] * p + b[i + 2] * q) + (c[i + 2] * r + d[i + 2] * s));
+            z[i + 3] = f3 + ((a[i + 3] * p + b[i + 3] * q) + (c[i + 3] * r + d[i + 3] * s));
+        }
+        for (; i < rows; i++) z[i] = from[i] + ((a[i] * p + b[i] * q) + (c[i] * r + d[i] * s));
+        from = z;
+    }
+}
+""".splitlines()
+"""z += the columns that start at matrix + at[j], times x[j]; count is a multiple of 4. The four sums side by side are what
+compilers vectorize, at -O2 too, without licence to reorder."""
 
 
 def constants(name: str, array: Array) -> list[str]:
@@ -36,9 +60,9 @@ def _by_rows(array: Array) -> bool:
 def add_product(name: str, matrix: Array, x: str, z: str, skips: bool = False) -> list[str]:
     """Return statements for z += matrix x, where `constants` has defined the matrix as `name`; i and j are its counters.
 
-    Four columns at a time run down z, so that no sum is reordered and compilers vectorize it without further licence.
-    With few rows it is four partial sums per row instead. skips: whether x may hold many zeros, whose columns are left
-    out when long.
+    Few rows have four partial sums each; some rows go four columns at a time; many rows through `COLUMNS`, with the columns
+    left out that skips says may have an x of zero. The order of the sums is thus not that of the text of the law, which
+    the error bound allows for (`sizes.evaluation_error`).
 
     >>> print("\\n".join(add_product("a", np.ones((4, 1)), "x", "z")))
     for (i = 0; i < 4; i++) z[i] += a[i] * x[0];
@@ -48,22 +72,38 @@ def add_product(name: str, matrix: Array, x: str, z: str, skips: bool = False) -
         return []
     if _by_rows(matrix):
         return _row_products(name, rows, columns, x, z)
-    if skips and rows >= SPARSE_ROWS:
-        return [f"for (j = 0; j < {columns}; j++) {{",
-                f"    const double *restrict column = {name} + j * {rows};", f"    const double t = {x}[j];",
-                "    if (t == 0.0) continue;", f"    for (i = 0; i < {rows}; i++) {z}[i] += column[i] * t;", "}"]
+    if skips and rows >= MANY_ROWS and columns > 4:
+        return _listed(name, rows, columns, x, z)
     four = columns - columns % 4
     lines = []
     if four:
         lines = [f"for (j = 0; j < {four}; j += 4) {{", f"    const double *restrict column = {name} + j * {rows};",
                  f"    const double t0 = {x}[j], t1 = {x}[j + 1], t2 = {x}[j + 2], t3 = {x}[j + 3];",
                  f"    for (i = 0; i < {rows}; i++)",
-                 f"        {z}[i] += column[i] * t0 + column[i + {rows}] * t1"
-                 f" + column[i + {2 * rows}] * t2 + column[i + {3 * rows}] * t3;", "}"]
+                 f"        {z}[i] += (column[i] * t0 + column[i + {rows}] * t1)"
+                 f" + (column[i + {2 * rows}] * t2 + column[i + {3 * rows}] * t3);", "}"]
     for j in range(four, columns):
         at = f"i + {j * rows}" if j else "i"
         lines.append(f"for (i = 0; i < {rows}; i++) {z}[i] += {name}[{at}] * {x}[{j}];")
     return lines
+
+
+def _listed(name: str, rows: int, columns: int, x: str, z: str) -> list[str]:
+    """Those columns first listed whose entry of x is not zero; the list is filled up to a multiple of four."""
+    room = padded(columns)
+    return ["{", f"    int at[{room}], count = 0;", f"    double t[{room}];", f"    for (j = 0; j < {columns}; j++) {{",
+            f"        at[count] = {rows} * j;", f"        t[count] = {x}[j];", f"        count += {x}[j] != 0.0;", "    }",
+            "    for (; count % 4 != 0; count++) { at[count] = 0; t[count] = 0.0; }",
+            f"    columns({rows}, count, at, t, {name}, {z}, {z});", "}"]
+
+
+def padded(size: int) -> int:
+    """Return the next multiple of four.
+
+    >>> padded(5), padded(8)
+    (8, 8)
+    """
+    return size + -size % 4
 
 
 def _row_products(name: str, rows: int, columns: int, x: str, z: str) -> list[str]:
