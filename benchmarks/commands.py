@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import os
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from . import bounds, paper, speed
@@ -38,26 +40,62 @@ def bounds_command(plant: str | None, out: Path | None) -> int:
 
 
 def speed_command(part: str | None, quick: bool, out: Path | None) -> int:
-    """Print measured times; 1 when one misses its target. part: one measurement alone; quick: of training."""
+    """Print measured times, part by part; 1 when one misses its target. part: one alone; quick: of training."""
+    total, status = 0.0, 0
+    for name in PARTS if part is None else (part,):
+        begun = _processor()
+        if part is None:
+            print(f"speed {name}", flush=True)
+        status = max(status, _PARTS[name](quick, out))
+        total += _processor() - begun
+        if part is None:
+            print(f"({_processor() - begun:.0f} s of the processor)\n", flush=True)
     if part is None:
-        measured = [*speed.imports(), *speed.exact_cost(), *speed.main_job(), *speed.evaluation()]
-        return _judged("speed", measured, out)
-    if part == "certify":
-        rows = speed.certification()
-        _said("speed certify", speed.certification_table(rows), rows, out)
-        print()
-        return _judged("speed certify, targets", speed.certification_targets(rows), out)
-    if part == "pieces":
-        text, found = speed.pieces_table(pieces := speed.pieces()), pieces
-        return _said("speed pieces", text, found, out)
-    if part == "training":
-        runs = speed.quick_training() if quick else speed.training()
-        return _said("speed training", speed.training_table(runs), runs, out)
-    if part == "single":
-        answers = speed.single_evaluation()
-        return _said("speed single", speed.single_table(answers), answers, out)
-    costs = speed.alternation()
-    return _said("speed alternation", speed.alternation_table(costs), costs, out)
+        print(f"all parts: {total:.0f} s of the processor")
+    return status
+
+
+def _times(_: bool, out: Path | None) -> int:
+    return _judged("speed times", [*speed.imports(), *speed.exact_cost(), *speed.main_job(), *speed.evaluation()], out)
+
+
+def _certify(_: bool, out: Path | None) -> int:
+    rows = speed.certification()
+    _said("speed certify", speed.certification_table(rows), rows, out)
+    print()
+    return _judged("speed certify, targets", speed.certification_targets(rows), out)
+
+
+def _pieces(_: bool, out: Path | None) -> int:
+    rows = speed.pieces()
+    return _said("speed pieces", speed.pieces_table(rows), rows, out)
+
+
+def _training(quick: bool, out: Path | None) -> int:
+    rows = speed.quick_training() if quick else speed.training()
+    return _said("speed training", speed.training_table(rows), rows, out)
+
+
+def _alternation(_: bool, out: Path | None) -> int:
+    rows = speed.alternation()
+    return _said("speed alternation", speed.alternation_table(rows), rows, out)
+
+
+def _single(_: bool, out: Path | None) -> int:
+    rows = speed.single_evaluation()
+    return _said("speed single", speed.single_table(rows), rows, out)
+
+
+_PARTS: Mapping[str, Callable[[bool, Path | None], int]] = MappingProxyType({
+    "times": _times, "certify": _certify, "pieces": _pieces, "training": _training, "alternation": _alternation,
+    "single": _single})
+PARTS = tuple(_PARTS)
+
+
+def _processor() -> float:
+    """Processor seconds of this process and of those that it has waited for."""
+    spent = os.times()
+    return spent.user + spent.system + spent.children_user + spent.children_system
 
 
 def main_command(out: Path | None) -> int:

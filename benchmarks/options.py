@@ -9,7 +9,6 @@ from pathlib import Path
 from . import commands
 from .contest.command import page_command, suite_command
 
-PARTS = ("certify", "pieces", "training", "alternation", "single")
 FOLDER = Path("benchmark-results")
 EPILOG = "Without a command, or with options alone, the suite is run."
 Command = Callable[[argparse.Namespace], int]
@@ -30,8 +29,8 @@ def parser() -> argparse.ArgumentParser:
     paper.add_argument("--figures", metavar="DIR", help="a folder to draw its pictures of separation into")
     bounds = kinds.add_parser("bounds", help="every plant between lower bounds and the best found (minutes)")
     bounds.add_argument("--plant", metavar="NAME", help="one plant of the suite alone")
-    speed = kinds.add_parser("speed", help="all measured times but those of the parts, or one part")
-    speed.add_argument("part", nargs="?", choices=PARTS, help="one measurement alone")
+    speed = kinds.add_parser("speed", help="all measured times (8 minutes), or those of one part")
+    speed.add_argument("part", nargs="?", choices=commands.PARTS, help="one measurement alone")
     speed.add_argument("--quick", action="store_true", help="of training: two plants, 8 units, two seeds")
     main = kinds.add_parser("main", help="the time of the main job alone")
     for one in (paper, bounds, speed, main):
@@ -56,7 +55,7 @@ def with_default(arguments: list[str]) -> list[str]:
 
 def _suite(one: argparse.ArgumentParser) -> None:
     one.add_argument("--plant", metavar="NAME", nargs="+", default=[], help="these plants alone")
-    one.add_argument("--only", metavar="NAME", nargs="+", default=[], help="'synthesized' or names of baselines")
+    one.add_argument("--only", metavar="NAME", nargs="+", default=[], help="'synthesized', 'memory' or names of baselines")
     one.add_argument("--quick", action="store_true", help="small budgets, and five plants unless some are named")
     place = one.add_mutually_exclusive_group()
     place.add_argument("--jobs", metavar="N", type=int, help="plants at the same time (as many as cores)")

@@ -11,9 +11,9 @@ from matplotlib.figure import Figure
 
 from inc_casadi.plotting.style import PALETTE, QUIET, new_figure, say_in, written
 
-from .duels import ABSENT, LOSES, OPEN, TIES, WINS, duel
+from .duels import ABSENT, LOSES, OPEN, OURS, TIES, WINS, duel
 from .record import Entry, PlantRecord
-from .settings import SYNTHESIZED
+from .settings import MEMORY, SYNTHESIZED
 
 MARKERS = ("o", "s", "^", "v", "P", "X", "<", ">")
 SMALLEST = 1e-6  # share above the bound from which on it is told apart from none
@@ -93,27 +93,36 @@ def time_chart(records: Sequence[PlantRecord], path: str | Path | None = None) -
 
 
 def wins_chart(records: Sequence[PlantRecord], path: str | Path | None = None) -> Figure:
-    """Return a bar per competitor: on how many plants the synthesized law costs less, the same, more, or is not
-    compared."""
-    names = [name for name in names_in(records) if name != SYNTHESIZED]
+    """Return a bar per competitor: on how many plants a synthesized law costs less, the same, more, or is not compared.
+
+    The static INC is on the left, on the right the INC with memory, on the plants that do not measure their state."""
+    panels = {SYNTHESIZED: list(records),
+              MEMORY: [one for one in records if not one.sees_all and one.entry(MEMORY) is not None]}
+    shown = [own for own in OURS if own == SYNTHESIZED or panels[own]]
+    names = [name for name in names_in(records) if name not in OURS]
     figure = new_figure(WIDTH, 1.5 + 1.4 * ROW * max(len(names), 1))
-    axes = figure.subplots()
-    for y, name in enumerate(names):
-        left = 0
-        for outcome, shade in SHADES.items():
-            count = sum(duel(record, name).outcome == outcome for record in records)
-            axes.barh(y, count, left=left, height=0.7, color=shade, edgecolor="white", hatch=HATCHES[outcome],
-                      label=SAID[outcome] if y == 0 else None)
-            if count:
-                axes.text(left + count / 2, y, str(count), ha="center", va="center", fontsize="small",
-                          bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85})
-            left += count
-    axes.set_yticks(range(len(names)), names, fontsize="small")
-    axes.set_ylim(max(len(names), 1) - 0.5, -0.5)
-    axes.set_xlim(0, max(len(records), 1))
-    axes.set_xlabel("plants")
-    _legend(figure, axes)
+    for axes, own in zip(figure.subplots(1, len(shown), sharey=True, squeeze=False)[0], shown, strict=True):
+        for y, name in enumerate(names):
+            _bar(axes, y, [duel(record, name, own=own).outcome for record in panels[own]])
+        axes.set_xlim(0, max(len(panels[own]), 1))
+        axes.set_xlabel(f"plants, {own}")
+        axes.set_yticks(range(len(names)), names, fontsize="small")
+        axes.set_ylim(max(len(names), 1) - 0.5, -0.5)
+    _legend(figure, figure.axes[0])
     return written(figure, path)
+
+
+def _bar(axes: Any, y: int, outcomes: Sequence[str]) -> None:
+    """One bar, its parts labelled with their counts; the first one names them for the legend."""
+    left = 0
+    for outcome, shade in SHADES.items():
+        count = outcomes.count(outcome)
+        axes.barh(y, count, left=left, height=0.7, color=shade, edgecolor="white", hatch=HATCHES[outcome],
+                  label=SAID[outcome] if y == 0 else None)
+        if count:
+            axes.text(left + count / 2, y, str(count), ha="center", va="center", fontsize="small",
+                      bbox={"facecolor": "white", "edgecolor": "none", "pad": 1.0, "alpha": 0.85})
+        left += count
 
 
 def _log_axis(axes: Any, values: Sequence[float]) -> None:
@@ -134,7 +143,9 @@ def _shares(record: PlantRecord) -> list[tuple[str, float, bool]]:
 
 def _look(index: int, name: str) -> tuple[str, str, float]:
     """Colour, marker and size of a controller."""
-    return ("#000000", "*", 110.0) if name == SYNTHESIZED else (PALETTE[(index - 1) % 7], MARKERS[(index - 1) % 8], 42.0)
+    if name in OURS:
+        return "#000000", "*" if name == SYNTHESIZED else "D", 110.0 if name == SYNTHESIZED else 42.0
+    return PALETTE[(index - 1) % 7], MARKERS[(index - 1) % 8], 42.0
 
 
 def _marks(axes: Any, index: int, name: str, points: list[tuple[float, float]], sure: bool,
@@ -142,7 +153,7 @@ def _marks(axes: Any, index: int, name: str, points: list[tuple[float, float]], 
     shade, marker, size = _look(index, name)
     axes.scatter([x for x, _ in points], [y for _, y in points], s=size, marker=marker, lw=1.2, alpha=0.85,
                  facecolor=shade if sure else "none", edgecolor=shade,
-                 label=label, zorder=4 if name == SYNTHESIZED else 3)
+                 label=label, zorder=4 if name in OURS else 3)
 
 
 def _strip(axes: Any, y: int, name: str, times: list[float]) -> None:

@@ -20,11 +20,11 @@ from .isolation import FreshProcesses
 from .page import write_page
 from .record import PlantRecord
 from .runner import Run, run
-from .settings import QUICK, QUICK_PLANTS, SYNTHESIZED, Settings
+from .settings import MEMORY, QUICK, QUICK_PLANTS, SYNTHESIZED, Settings
 from .sheets import read_sheets
 from .table import table
 
-SHORT = {"synthesized": SYNTHESIZED}
+SHORT = {"synthesized": SYNTHESIZED, "memory": MEMORY}
 PAGE = "RESULTS.md"
 PATIENCE = 3.0  # a plant whose time is over finishes what it is at, and is ended after so many times as long
 CONNECTING = 15.0  # seconds for a Dask scheduler to answer
@@ -90,14 +90,15 @@ def chosen(names: Sequence[str]) -> dict[str, Case]:
 
 
 def controllers(names: Sequence[str]) -> tuple[str, ...]:
-    """Return names of controllers in the order of the table, "synthesized" standing for the synthesized INC.
+    """Return names of controllers in the order of the table, "synthesized" standing for the synthesized INC, "memory" for
+    the one with memory.
 
     Raises InvalidInputError with the names that there are.
 
     >>> controllers(["LQG", "synthesized"])
     ('synthesized INC', 'LQG')
     """
-    known = (SYNTHESIZED, *BASELINES)
+    known = (SYNTHESIZED, MEMORY, *BASELINES)
     asked = [SHORT.get(name, name) for name in names]
     for name in asked:
         if name not in known:

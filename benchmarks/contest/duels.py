@@ -1,4 +1,4 @@
-"""The synthesized law against one competitor on one plant: who costs less, as far as certificates say."""
+"""A synthesized law against one competitor on one plant: who costs less, as far as certificates say."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 from inc_casadi.comparison.row import EXACT, LYAPUNOV, VIOLATED
 
-from .record import Entry, PlantRecord
-from .settings import SYNTHESIZED
+from .record import Entry, PlantRecord, is_absent
+from .settings import MEMORY, SYNTHESIZED
 
+OURS = (SYNTHESIZED, MEMORY)
 GAIN, SATURATED, CLIPPED = "best linear gain", "saturated LQR", "clipped gain"
+REMEMBERING = ("saturated LQG", "MPC", "best dynamic linear")  # where not all states are measured
 WINS, TIES, LOSES, OPEN, ABSENT = "costs less", "the same", "costs more", "not decided", "no such controller"
-ABSENT_KIND = Entry("").kind
 THRESHOLD = 1e-4  # by this share of the competitor's cost a difference counts
 
 
@@ -27,8 +28,8 @@ class Duel:
     reason: str = ""
 
 
-def duel(record: PlantRecord, *rivals: str) -> Duel:
-    """Return the synthesized law's duel with the first of the rivals that has a controller.
+def duel(record: PlantRecord, *rivals: str, own: str = SYNTHESIZED) -> Duel:
+    """Return the duel of a synthesized law, the static one by default, with the first of the rivals that has a controller.
 
     J_INC <= its certified cost, so it costs less wherever that is below the rival's cost J. The latter must be known from
     below: an exact cost, or a linear loop's by its Lyapunov equation. Against an upper bound or a simulation nothing is
@@ -38,19 +39,19 @@ def duel(record: PlantRecord, *rivals: str) -> Duel:
     >>> duel(record(1.5, {"saturated LQR": 2.0}), "saturated LQR")
     Duel(outcome='costs less', share=0.25, rival='saturated LQR', reason='')
     """
-    own = record.entry(SYNTHESIZED)
+    ours = record.entry(own)
     found = [entry for name in rivals if (entry := record.entry(name)) is not None]
     if record.error:
         return Duel(OPEN, None, rivals[0], record.error)
     if not found:
         return Duel(ABSENT, None, rivals[0], f"the {rivals[0]} was not asked for")
-    rival = next((one for one in found if one.kind != ABSENT_KIND), None)
+    rival = next((one for one in found if not is_absent(one)), None)
     if rival is None:
         return Duel(ABSENT, None, found[0].name, "; ".join(f"there is no {one.name}: {one.reason}" for one in found))
-    if reason := _missing(own) or _unfit(rival):
+    if reason := _missing(own, ours) or _unfit(rival):
         return Duel(OPEN, None, rival.name, reason)
-    assert own is not None and own.cost is not None and rival.cost is not None
-    share = 1 - own.cost / rival.cost if rival.cost > 0 else 0.0
+    assert ours is not None and ours.cost is not None and rival.cost is not None
+    share = 1 - ours.cost / rival.cost if rival.cost > 0 else 0.0
     if abs(share) <= THRESHOLD:
         return Duel(TIES, share, rival.name)
     return Duel(WINS if share > 0 else LOSES, share, rival.name)
@@ -66,25 +67,33 @@ def saturated_duel(record: PlantRecord) -> Duel:
     return duel(record, SATURATED, CLIPPED)
 
 
-def stronger(record: PlantRecord) -> Entry | None:
-    """Return the competitor that is certified to cost least, if that is less than the synthesized law's certified cost.
+def stronger(record: PlantRecord, own: str = SYNTHESIZED, memory: bool | None = None) -> Entry | None:
+    """Return the competitor that is certified to cost least, if that is less than the certified cost of our law.
+
+    memory : only those with a state of their own, or only those without
 
     >>> from .sample import record
     >>> stronger(record(2.0, {"LQG": 1.5, "MPC": 1.4})).name
     'MPC'
     """
-    own = record.entry(SYNTHESIZED)
-    if own is None or own.cost is None or not own.certified:
+    ours = record.entry(own)
+    best = cheapest(record, memory)
+    if ours is None or ours.cost is None or not ours.certified or best is None or best.cost is None:
         return None
-    below = [one for one in record.entries if one.certified and one.cost is not None
-             and one.cost < (1 - THRESHOLD) * own.cost]
-    return min(below, key=lambda one: one.cost or 0.0, default=None)
+    return best if best.cost < (1 - THRESHOLD) * ours.cost else None
 
 
-def _missing(own: Entry | None) -> str:
-    if own is None:
-        return "no law was synthesized"
-    return "" if own.certified else "the synthesized law is not certified"
+def cheapest(record: PlantRecord, memory: bool | None = None) -> Entry | None:
+    """Return the competitor with the least certified cost; memory as for `stronger`."""
+    certain = [one for one in record.entries if one.name not in OURS and one.certified and one.cost is not None
+               and memory in (None, bool(one.order))]
+    return min(certain, key=lambda one: one.cost or 0.0, default=None)
+
+
+def _missing(name: str, own: Entry | None) -> str:
+    if own is None or is_absent(own):
+        return f"there is no {name}"
+    return "" if own.certified else f"the {name} is not certified"
 
 
 def _unfit(rival: Entry) -> str:

@@ -15,9 +15,11 @@ from inc_casadi.errors import FormatError
 
 from .record import Entry, PlantRecord, from_plain, to_plain
 
+LAWS = (".law.json", ".memory.json")
 PLANTS, ALL, TABLE = "plants", "results.json", "results.csv"
 OF_PLANT = ("plant", "n", "m", "p", "source", "any", "linear", "static", "seed", "commit", "date", "failure")
-COLUMNS = (*OF_PLANT, *(one.name for one in fields(Entry)))
+STAGES = ("synthesis", "synthesis with memory", "designs", "judging", "bounds", "growth", "evaluation", "in all")
+COLUMNS = (*OF_PLANT, *(f"s, {stage}" for stage in STAGES), *(one.name for one in fields(Entry)))
 
 
 def slug(name: str) -> str:
@@ -29,15 +31,17 @@ def slug(name: str) -> str:
     return re.sub(r"[^0-9A-Za-z]+", "-", name).strip("-")
 
 
-def write_record(folder: Path, record: PlantRecord, law: str = "") -> Path:
-    """Write the record of a plant, and the file of its synthesized law beside it; return the path of the record."""
+def write_record(folder: Path, record: PlantRecord, law: str = "", memory: str = "") -> Path:
+    """Write the record of a plant and return its path; beside it the files of its synthesized laws, static and with memory.
+    """
     place = folder / PLANTS
     place.mkdir(parents=True, exist_ok=True)
-    beside = place / f"{slug(record.plant)}.law.json"
-    if law:
-        _write(beside, law)
-    else:
-        beside.unlink(missing_ok=True)  # that of a former run is not this record's
+    for suffix, text in zip(LAWS, (law, memory), strict=True):
+        beside = place / f"{slug(record.plant)}{suffix}"
+        if text:
+            _write(beside, text)
+        else:
+            beside.unlink(missing_ok=True)  # that of a former run is not this record's
     path = place / f"{slug(record.plant)}.json"
     _write(path, json.dumps(to_plain(record), indent=1, allow_nan=False) + "\n")
     return path
@@ -58,7 +62,7 @@ def read_records(folder: Path, order: Sequence[str] = ()) -> list[PlantRecord]:
     ------
     FormatError : there is none, or a file that is none
     """
-    paths = [path for path in sorted((folder / PLANTS).glob("*.json")) if not path.name.endswith(".law.json")]
+    paths = [path for path in sorted((folder / PLANTS).glob("*.json")) if not path.name.endswith(LAWS)]
     if not paths:
         raise FormatError(f"{folder} holds no records of the suite: run `python -m benchmarks suite --out {folder}` first")
     place = {name: index for index, name in enumerate(order)}
@@ -91,7 +95,7 @@ def _of_plant(record: PlantRecord) -> dict[str, Any]:
     bounds = {family: _cell(record.bound(family)) for family in ("any", "linear", "static")}
     return {"plant": record.plant, "n": n, "m": m, "p": p, "source": record.source, **bounds,
             "seed": record.settings.seed, "commit": record.environment.commit, "date": record.environment.date,
-            "failure": record.error}
+            "failure": record.error, **{f"s, {stage}": _cell(record.stages.get(stage)) for stage in STAGES}}
 
 
 def _cell(value: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import partial
 from math import isfinite
 
@@ -17,20 +18,30 @@ from .record import LowerBound
 from .settings import Settings
 
 
-def floors(case: Case, settings: Settings) -> tuple[Floor, ...]:
+def floors(case: Case, settings: Settings, known: Iterable[Floor] = ()) -> tuple[Floor, ...]:
     """Return lower bounds on any, linear and static control; one that cannot be had is a floor with its reason.
 
+    known : floors that there are already; a class is not worked out again if one holds and no time limit cut any short
+
     >>> from benchmarks.plants import scalar
-    >>> [(one.family.key, round(one.value, 4)) for one in floors(scalar(0.9), Settings(gains=0.5))]
+    >>> found = floors(scalar(0.9), Settings(gains=0.5))
+    >>> [(one.family.key, round(one.value, 4)) for one in found]
     [('any', 0.3583), ('linear', 0.4083), ('static', 0.4301)]
+    >>> [one.family.key for one in floors(scalar(0.9), Settings(gains=0.5), found[:2])]
+    ['static']
     """
     plant, spec = case.plant, case.spec
-    usual = compare(plant, spec, {}, bounds=("any", "static"), cells=settings.cells, seconds=settings.gains,
-                    seed=settings.seed)
-    linear = attempted(partial(affine_moves, plant, spec, seconds=settings.linear))
-    floor = (Floor(LINEAR, None, words(linear)) if isinstance(linear, BaseException)
-             else Floor(LINEAR, linear, "", linear.seconds))
-    return usual.floors[0], floor, usual.floors[1]
+    known = [one for one in known if one.bound is not None]
+    done = ({one.family.key for one in known if one.holds()}
+            - {one.family.key for one in known if one.bound is not None and one.bound.cut_short})
+    wanted = [key for key in ("any", "static") if key not in done]
+    found = compare(plant, spec, {}, bounds=wanted, cells=settings.cells, seconds=settings.gains, seed=settings.seed).floors
+    by_key = {one.family.key: one for one in found}
+    if "linear" not in done:
+        linear = attempted(partial(affine_moves, plant, spec, seconds=settings.linear))
+        by_key["linear"] = (Floor(LINEAR, None, words(linear)) if isinstance(linear, BaseException)
+                            else Floor(LINEAR, linear, "", linear.seconds))
+    return tuple(by_key[key] for key in ("any", "linear", "static") if key in by_key)
 
 
 def lower_bounds(found: Comparison) -> tuple[LowerBound, ...]:

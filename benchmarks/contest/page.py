@@ -8,21 +8,30 @@ from pathlib import Path
 
 from inc_casadi.figures import at_least, at_most
 
-from .reasons import why
-from .record import Entry, Environment, PlantRecord
+from .reasons import reasons, telling
+from .record import ABSENT, UNSUITED, Entry, Environment, PlantRecord
 from .shares import above
 from .sheets import Sheet
 from .summary import sentences, summary
-from .table import HEADINGS, LEGEND, cells, cost
+from .table import HEADINGS, LEGEND, MEMORY_TITLE, WITH_MEMORY, cells, cost, memory_cells, remembering
 
 DETAILS = ("controller", "kind", "expected cost", "known", "limits", "worst case", "above the best", "beats all",
            "initial set x", "design, s", "judged, s", "input, µs")
 PICTURES = {"costs.png": "cost of each controller above the lower bound on any controller",
             "wins.png": "on how many plants the synthesized INC costs less than each competitor",
             "times.png": "time to design a controller and to evaluate it once"}
+CLASSES = (
+    "Two classes of controllers are compared. A *static* law answers the present measurement alone: the synthesized INC, "
+    "linear gains, the saturated LQR and, where the whole state is measured, the MPC. A law *with memory* keeps a state of "
+    "its own: the synthesized INC with memory, LQG, saturated LQG, dynamic linear controllers, and the MPC on the estimate "
+    "of an observer. Where the whole state is measured, memory gains nothing, for the best law of all is static: all "
+    "controllers are comparable. Where it is not, compare static with static and memory with memory: what is not measured "
+    "may be estimated with memory only, so that a static law may cost more than the LQG and be the best of its class.")
 NOTE = ("Written by `python -m benchmarks page` from the records of `python -m benchmarks suite`; no figure is typed by "
-        "hand. A lower bound on a class holds for every member of it; \"above the best\" is by how much the certified cost "
-        "exceeds the bound on all controllers, so an upper bound on what is left to win.")
+        "hand. A lower bound on a class holds for every member of it. What is left to win at most is the share by which the "
+        "certified cost exceeds the bound on all controllers, with memory or without. Seconds are of the processor.")
+ABSENCES = ("Left out are controllers that a plant has no use for: LQG, saturated LQG, clipped gain and INC with memory "
+            "where the whole state is measured, scaled and saturated LQR where it is not.")
 
 
 def page(records: Sequence[PlantRecord], sheets: Sequence[Sheet] = (), pictures: str = "") -> str:
@@ -34,10 +43,12 @@ def page(records: Sequence[PlantRecord], sheets: Sequence[Sheet] = (), pictures:
 
     >>> from .sample import record
     >>> print(page([record(2.0, {"best linear gain": 2.5, "saturated LQR": 2.4})]).splitlines()[2])
-    The synthesized INC is certified on 1 of 1 plant (0 settled rigorously).
+    - The synthesized INC, a static law, is certified on 1 of 1 plant (0 settled rigorously).
     """
-    lines = ["# Results", "", *sentences(summary(records)), "", *_made(records), "", "## Plants", "",
-             *_markdown(HEADINGS, map(cells, records)), "", LEGEND, ""]
+    lines = ["# Results", "", *(f"- {one}" for one in sentences(summary(records))), "", CLASSES, "", *_made(records), "",
+             "## Plants", "", *_markdown(HEADINGS, map(cells, records)), "", LEGEND, ""]
+    if blind := remembering(records):
+        lines += [f"{MEMORY_TITLE}.", "", *_markdown(WITH_MEMORY, map(memory_cells, blind)), ""]
     for name, words in PICTURES.items() if pictures else ():
         lines += [f"![{words}]({pictures}/{name})", ""]
     lines += [*_reasons(records), *_details(records)]
@@ -63,11 +74,12 @@ def _made(records: Sequence[PlantRecord]) -> Iterator[str]:
     yield from dict.fromkeys(f"- {_where(record.environment, dated=False)}" for record in records)
     dates = sorted(record.environment.date for record in records)
     if dates:
-        yield f"- From {dates[0]} to {dates[-1]}; {sum(record.seconds for record in records):.0f} s for all plants together."
+        seconds = sum(record.processor for record in records)
+        yield f"- From {dates[0]} to {dates[-1]}; {seconds:.0f} s for all plants together{_spent(records)}."
     for one in dict.fromkeys(record.settings for record in records):
-        yield (f"- Seed {one.seed}; {one.hidden} hidden units to train; a search of {one.search:g} s, {one.training:g} s "
-               f"for one training or proof, {one.pieces:g} s for the pieces of a competitor, {one.gains:g} s for static "
-               "gains.")
+        yield (f"- Seed {one.seed}; {one.hidden} hidden units to train; a search of {one.search:g} s for each synthesized "
+               f"law, {one.training:g} s for one training or proof, {one.pieces:g} s for the pieces of a competitor, "
+               f"{one.gains:g} s for static gains.")
 
 
 def _where(one: Environment, dated: bool = True) -> str:
@@ -78,22 +90,41 @@ def _where(one: Environment, dated: bool = True) -> str:
     return f"{versions}{commit}, source {one.source}; {machine}{'; ' + one.date if dated else ''}."
 
 
+def _spent(records: Sequence[PlantRecord]) -> str:
+    """Where the seconds went, most first."""
+    total: dict[str, float] = {}
+    for record in records:
+        for stage, seconds in record.stages.items():
+            if stage != "in all" and not stage.endswith("(wall)"):
+                total[stage] = total.get(stage, 0.0) + seconds
+    parts = [f"{stage} {total[stage]:.0f}" for stage in sorted(total, key=lambda stage: -total[stage])]
+    return f": {', '.join(parts)}" if parts else ""
+
+
 def _reasons(records: Sequence[PlantRecord]) -> list[str]:
-    found = [f"- **{record.plant}**: {_safe(reason)}." for record in records if (reason := why(record))]
-    found += [f"- **INCONSISTENT, {record.plant}**: {one}." for record in records for one in record.inversions]
-    return ["## Where nothing is won, and why", "", *found, ""] if found else []
+    found = [f"- {_safe(line)}." for line in reasons(records)]
+    return ["## Where the INC does not cost less, and why", "", *found, ""] if found else []
 
 
 def _details(records: Sequence[PlantRecord]) -> Iterator[str]:
-    yield from ("## Every controller", "")
+    yield from ("## Every controller", "", ABSENCES, "")
     for record in records:
         yield from (f"### {record.plant}", "", f"{_sizes(record)}. {_floors(record)}", "")
         if record.error:
             yield from (f"The measurement failed: {_safe(record.error)}.", "")
             continue
-        yield from _markdown(DETAILS, (_detail(entry) for entry in record.entries))
-        missing = [f"- {entry.name}: {_safe(entry.reason)}" for entry in record.entries if entry.cost is None]
-        yield from ("", *missing, "")
+        suited = [entry for entry in record.entries if entry.kind != UNSUITED]
+        yield from _markdown(DETAILS, (_detail(entry) for entry in suited if entry.kind != ABSENT))
+        yield from ("", *_missing(suited), "")
+
+
+def _missing(entries: Iterable[Entry]) -> Iterator[str]:
+    """Why there is none, or none that is certified: controllers with the same reason in one line."""
+    names: dict[str, list[str]] = {}
+    for entry in entries:
+        if not entry.certified and entry.reason:
+            names.setdefault(telling(entry.reason), []).append(entry.name)
+    yield from (f"- {', '.join(found)}: {_safe(reason)}" for reason, found in names.items())
 
 
 def _detail(entry: Entry) -> tuple[str, ...]:

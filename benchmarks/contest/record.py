@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, field, fields
 from typing import Any
 
 from inc_casadi.errors import FormatError
 
 from .settings import Settings
 
-VERSION = 1
+VERSION = 2
+ABSENT, UNSUITED = "not found", "does not apply"  # kinds of entries without a controller
+
+
+def is_absent(entry: Entry) -> bool:
+    """Return whether there is no such controller on the plant."""
+    return entry.kind in (ABSENT, UNSUITED)
 
 
 @dataclass(frozen=True)
@@ -29,13 +35,13 @@ class Entry:
     gap : by what share the certified cost exceeds the lower bound on any controller
     beats : the classes every member of which is proved to cost more
     factor, refuted : the initial set grown by `factor` is certified still, by `refuted` it is not
-    design, judged : seconds to find it, and to find out what it costs
+    design, judged : processor seconds to find it, and to find out what it costs
     evaluation : microseconds for one input in Python
     reason : what was tried and failed, or why there is no such controller
     """
 
     name: str
-    kind: str = "not found"
+    kind: str = ABSENT
     units: int | None = None
     order: int | None = None
     cost: float | None = None
@@ -88,7 +94,8 @@ class Environment:
 @dataclass(frozen=True)
 class PlantRecord:
     """Everything about one plant of the suite. sizes: (n, m, p); source: where it is published; digest: of plant and
-    specification; inversions: contradictions between costs and bounds; seconds: in all; error: why there is nothing."""
+    specification; inversions: contradictions between costs and bounds; seconds: of wall time; stages: processor seconds by
+    stage and "in all", and as `synthesize` counts its phases those of wall time; error: why there is nothing."""
 
     plant: str
     sizes: tuple[int, int, int]
@@ -100,7 +107,18 @@ class PlantRecord:
     bounds: tuple[LowerBound, ...] = ()
     inversions: tuple[str, ...] = ()
     seconds: float = 0.0
+    stages: Mapping[str, float] = field(default_factory=dict)
     error: str = ""
+
+    @property
+    def sees_all(self) -> bool:
+        """Whether there are as many measurements as states."""
+        return self.sizes[2] >= self.sizes[0]
+
+    @property
+    def processor(self) -> float:
+        """Processor seconds in all, or of wall time where those are not known."""
+        return self.stages.get("in all", self.seconds)
 
     def entry(self, name: str) -> Entry | None:
         """Return what is known of the controller of that name, or None."""
@@ -125,7 +143,7 @@ def from_plain(content: Any) -> PlantRecord:
 
     >>> from_plain({"version": 0})
     Traceback (most recent call last):
-    inc_casadi.errors.FormatError: a record of the suite must be of version 1, not 0
+    inc_casadi.errors.FormatError: a record of the suite must be of version 2, not 0
     """
     if not isinstance(content, dict):
         raise FormatError(f"a record of the suite must be an object, not {type(content).__name__}")

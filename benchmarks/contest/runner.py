@@ -50,7 +50,7 @@ class _Books:
         name, case, begun = self.running.pop(future)
         error = future.exception()
         found = _failed(name, case, self.settings, error, perf_counter() - begun) if error else future.result()
-        write_record(self.folder, found.record, found.law)
+        write_record(self.folder, found.record, found.law, found.memory)
         self.done[name] = found.record
         self.say(progress_line(found.record, len(self.done), self.count))
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from inc_casadi.arrays import number
 from inc_casadi.sets.rules import whole
 
-SYNTHESIZED = "synthesized INC"
+SYNTHESIZED, MEMORY = "synthesized INC", "synthesized INC with memory"
 QUICK_PLANTS = ("scalar", "two states", "two lags, output", "double integrator", "pendulum, output")
 
 
@@ -19,8 +19,8 @@ class Settings:
     ----------
     seed : of every random choice
     hidden : units that `synthesize` trains
-    search : what `synthesize` may take for its search; training: for one training or proof in it; proof: for the rigorous
-        proof of what it returns
+    search : what `synthesize` and `synthesize_dynamic` may each take for their search; training: for one training or proof
+        in it; proof: for the rigorous proof of what they return
     pieces : for the exact pieces of one competitor
     linear, gains : for the lower bounds on linear controllers and on static gains
     region : for each certificate of how far the initial set may grow, 0 for none
@@ -48,7 +48,7 @@ class Settings:
     region: float = 2.0
     cells: int = 3_000
     samples: int = 4_000
-    limit: float = 100.0
+    limit: float = 150.0
     only: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -64,4 +64,4 @@ class Settings:
 
 
 QUICK = Settings(hidden=4, search=6.0, training=2.0, proof=5.0, pieces=2.0, linear=2.0, gains=1.0, region=0.5, cells=1_000,
-                 samples=5_000, limit=30.0)
+                 samples=5_000, limit=50.0)

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from statistics import median
 
-from .duels import ABSENT, LOSES, OPEN, THRESHOLD, TIES, WINS, Duel, gain_duel, saturated_duel, stronger
+from .duels import ABSENT, LOSES, OPEN, REMEMBERING, THRESHOLD, TIES, WINS, Duel, duel, gain_duel, saturated_duel, stronger
 from .record import PlantRecord
-from .settings import SYNTHESIZED
+from .settings import MEMORY, SYNTHESIZED
 from .shares import won
 
 
@@ -31,10 +32,23 @@ class Tally:
 
 
 @dataclass(frozen=True)
+class Memory:
+    """The INC with memory on the plants that do not measure their state. plants: how many; certified, proved: of its laws;
+    duels: by competitor, the static INC among them; stronger: how often which competitor is certified to cost less."""
+
+    plants: int
+    certified: int
+    proved: int
+    duels: tuple[tuple[str, Tally], ...]
+    stronger: tuple[tuple[str, int], ...]
+
+
+@dataclass(frozen=True)
 class Summary:
-    """Counts over the plants. plants: all; certified: with a certified synthesized law; proved: settled rigorously as well;
-    gain, saturated: the duels; linear: where every linear controller is proved to cost more; stronger: how often which
-    competitor is certified to cost less, the least of all; failed: without any figure; inversions: contradictions."""
+    """Counts over the plants. plants: all; certified: with a certified static law; proved: settled rigorously as well;
+    gain, saturated: the duels; linear: where every linear controller is proved to cost more; static, remembering: how often
+    which competitor without and with memory is certified to cost less, the least of its kind; memory: of the INC with
+    memory, None when it took no part; failed: without any figure; inversions: contradictions."""
 
     plants: int
     certified: int
@@ -42,7 +56,9 @@ class Summary:
     gain: Tally
     saturated: Tally
     linear: int
-    stronger: tuple[tuple[str, int], ...]
+    static: tuple[tuple[str, int], ...]
+    remembering: tuple[tuple[str, int], ...]
+    memory: Memory | None
     failed: int
     inversions: int
 
@@ -63,10 +79,27 @@ def tally(records: Sequence[PlantRecord], judge: Callable[[PlantRecord], Duel]) 
 def summary(records: Sequence[PlantRecord]) -> Summary:
     """Return all counts of a run."""
     own = [entry for record in records if (entry := record.entry(SYNTHESIZED)) is not None and entry.certified]
-    best = Counter(entry.name for record in records if (entry := stronger(record)) is not None)
     return Summary(len(records), len(own), sum(bool(entry.proved) for entry in own), tally(records, gain_duel),
-                   tally(records, saturated_duel), sum("linear" in entry.beats for entry in own), tuple(best.most_common()),
+                   tally(records, saturated_duel), sum("linear" in entry.beats for entry in own),
+                   _counted(records, SYNTHESIZED, False), _counted(records, SYNTHESIZED, True), _memory(records),
                    sum(bool(record.error) for record in records), sum(len(record.inversions) for record in records))
+
+
+def _memory(records: Sequence[PlantRecord]) -> Memory | None:
+    blind = [record for record in records if not record.sees_all and record.entry(MEMORY) is not None]
+    own = [entry for record in blind if (entry := record.entry(MEMORY)) is not None and entry.certified]
+    duels = tuple((name, tally(blind, partial(_against_memory, rival=name))) for name in (*REMEMBERING, SYNTHESIZED))
+    return Memory(len(blind), len(own), sum(bool(entry.proved) for entry in own), duels,
+                  _counted(blind, MEMORY, None)) if blind else None
+
+
+def _against_memory(record: PlantRecord, rival: str) -> Duel:
+    return duel(record, rival, own=MEMORY)
+
+
+def _counted(records: Sequence[PlantRecord], own: str, memory: bool | None) -> tuple[tuple[str, int], ...]:
+    found = Counter(entry.name for record in records if (entry := stronger(record, own, memory)) is not None)
+    return tuple(found.most_common())
 
 
 def sentences(found: Summary) -> tuple[str, ...]:
@@ -75,23 +108,22 @@ def sentences(found: Summary) -> tuple[str, ...]:
     >>> from .sample import record
     >>> for one in sentences(summary([record(2.0, {"best linear gain": 2.5, "saturated LQR": 2.0})])):
     ...     print(one)
-    The synthesized INC is certified on 1 of 1 plant (0 settled rigorously).
+    The synthesized INC, a static law, is certified on 1 of 1 plant (0 settled rigorously).
     It costs less than the best linear static gain found on 1 of 1 plant, by 20 % in the median and 20 % at most.
     It costs less than the saturated LQR (where not all states are measured, the clipped best gain) on 0 of 1 plant, the same
     on 1.
+    No static competitor is certified to cost less than it.
     On 0 it is proved to cost less than every linear controller of any finite order.
     Compared are plants where both costs are certified and the rival's is known exactly; a difference counts from 0.01 % on.
     """
     rivals = (("the best linear static gain found", found.gain),
               ("the saturated LQR (where not all states are measured, the clipped best gain)", found.saturated))
-    out = [f"The synthesized INC is certified on {found.certified} of {_plants(found.plants)} ({found.proved} settled "
-           "rigorously)."]
-    out += [_against(name, count) for name, count in rivals]
+    out = [f"The synthesized INC, a static law, is certified on {found.certified} of {_plants(found.plants)} "
+           f"({found.proved} settled rigorously)."]
+    out += [_against("It", name, count) for name, count in rivals]
+    out.append(_stronger("static competitor", found.static) or "No static competitor is certified to cost less than it.")
     out.append(f"On {found.linear} it is proved to cost less than every linear controller of any finite order.")
-    if found.stronger:
-        names = ", ".join(f"the {name} on {number}" for name, number in found.stronger)
-        count = sum(number for _, number in found.stronger)
-        out.append(f"A competitor is certified to cost less than it on {count}: {names}.")
+    out += [*filter(None, [_stronger("competitor with memory", found.remembering)]), *_with_memory(found.memory)]
     out.append("Compared are plants where both costs are certified and the rival's is known exactly; a difference counts "
                f"from {100 * THRESHOLD:g} % on.")
     if found.failed:
@@ -101,8 +133,27 @@ def sentences(found: Summary) -> tuple[str, ...]:
     return tuple(out)
 
 
-def _against(name: str, count: Tally) -> str:
-    words = f"It costs less than {name} on {count.won} of {_plants(count.decided)}"
+def _with_memory(found: Memory | None) -> list[str]:
+    if found is None:
+        return []
+    out = [f"The synthesized INC with memory is certified on {found.certified} of {_plants(found.plants)} whose state is "
+           f"not wholly measured ({found.proved} settled rigorously)."]
+    said = [_against("", "the static INC" if name == SYNTHESIZED else f"the {name}", count) for name, count in found.duels]
+    out.append(f"It costs less {'; '.join(one.rstrip('.') for one in said)}.")
+    out.append(_stronger("competitor", found.stronger) or "No competitor is certified to cost less than that.")
+    return out
+
+
+def _stronger(kind: str, found: tuple[tuple[str, int], ...]) -> str:
+    if not found:
+        return ""
+    names = ", ".join(f"the {name} on {number}" for name, number in found)
+    return f"A {kind} is certified to cost less than it on {sum(number for _, number in found)}: {names}."
+
+
+def _against(subject: str, name: str, count: Tally) -> str:
+    words = f"{subject} costs less than" if subject else "than"
+    words += f" {name} on {count.won} of {_plants(count.decided)}"
     if count.shares:
         words += f", by {won(median(count.shares))} in the median and {won(max(count.shares))} at most"
     words += f", the same on {count.same}" if count.same else ""

@@ -7,17 +7,22 @@ from collections.abc import Sequence
 from inc_casadi.comparison.table import columns
 from inc_casadi.figures import at_least, at_most
 
-from .duels import CLIPPED, Duel, gain_duel, saturated_duel
-from .reasons import why
+from .duels import CLIPPED, REMEMBERING, Duel, duel, gain_duel, saturated_duel
+from .reasons import reasons
 from .record import Entry, PlantRecord
-from .settings import SYNTHESIZED
+from .settings import MEMORY, SYNTHESIZED
 from .shares import above, won
 from .summary import sentences, summary
 
 HEADINGS = ("plant", "n m p", "any >=", "INC", "known", "units", "above the best", "best linear gain", "INC less by",
-            "saturated LQR", "INC less by", "beats all", "initial set x", "s")
+            "saturated LQR", "INC less by", "beats all", "initial set x", "CPU s")
+WITH_MEMORY = ("plant", "any >=", "static INC", "INC with memory", "known", "order", "units", "above the best", "less by",
+               *(cell for name in REMEMBERING for cell in (name, "less by")))
 LEGEND = ("Costs are certified and rounded up; ~ simulated, ? not certified, ! breaks the limits, - none; "
-          "c: the clipped best gain, where not all states are measured.")
+          "c: the clipped best gain, where not all states are measured; \"above the best\": what is left to win at most; "
+          "\"beats all\": the largest class whose every member is proved to cost more; \"initial set x\": grown by so much "
+          "it is certified still.")
+MEMORY_TITLE = "Laws with memory, on plants that do not measure their state; \"less by\": the INC with memory"
 
 
 def cells(record: PlantRecord) -> tuple[str, ...]:
@@ -34,7 +39,31 @@ def cells(record: PlantRecord) -> tuple[str, ...]:
     return (record.plant, " ".join(map(str, record.sizes)), "-" if floor is None else at_least(floor), cost(own), known,
             "-" if own.units is None else str(own.units), "-" if own.gap is None else above(own.gap),
             _rival(record, gain), _less(gain), _rival(record, saturated), _less(saturated), _beaten(own), factor,
-            f"{record.seconds:.0f}")
+            f"{record.processor:.0f}")
+
+
+def memory_cells(record: PlantRecord) -> tuple[str, ...]:
+    """Return the cells of a plant under WITH_MEMORY.
+
+    >>> from dataclasses import replace
+    >>> from .sample import entry, record
+    >>> made = record(2.0, {"MPC": 1.6}, floor=1.0)
+    >>> memory_cells(replace(made, entries=(*made.entries, entry(MEMORY, 1.5, order=2, gap=0.5))))[2:9]
+    ('2', '1.5', 'exact', '2', '1', '50 %', '25 %')
+    """
+    own, static = record.entry(MEMORY) or Entry(MEMORY), record.entry(SYNTHESIZED) or Entry(SYNTHESIZED)
+    floor = record.bound("any")
+    rivals = [cell for name in REMEMBERING
+              for cell in (cost(record.entry(name) or Entry(name)), _less(duel(record, name, own=MEMORY)))]
+    return (record.plant, "-" if floor is None else at_least(floor), cost(static), cost(own),
+            own.how if own.cost is not None else "-", "-" if own.order is None else str(own.order),
+            "-" if own.units is None else str(own.units), "-" if own.gap is None else above(own.gap),
+            _less(duel(record, SYNTHESIZED, own=MEMORY)), *rivals)
+
+
+def remembering(records: Sequence[PlantRecord]) -> list[PlantRecord]:
+    """Return the records of plants that do not measure their state, where the INC with memory took part."""
+    return [record for record in records if not record.sees_all and record.entry(MEMORY) is not None]
 
 
 def cost(entry: Entry) -> str:
@@ -54,16 +83,16 @@ def cost(entry: Entry) -> str:
 
 
 def table(records: Sequence[PlantRecord]) -> str:
-    """Return the table as text, then what it comes to, then why nothing is won where nothing is.
+    """Return the tables as text, then what they come to, then why a synthesized law costs no less where it does not.
 
     >>> from .sample import record
     >>> print(table([record(2.0, {"best linear gain": 2.5, "saturated LQR": 2.4})]).splitlines()[1][:48])
     made up  2 1 1  1       2    exact  1      100 %
     """
-    lines = list(columns([HEADINGS, *map(cells, records)]))
-    lines += [LEGEND, "", *sentences(summary(records)), ""]
-    lines += [f"{record.plant}: {reason}" for record in records if (reason := why(record))]
-    lines += [f"INCONSISTENT, {record.plant}: {one}" for record in records for one in record.inversions]
+    lines = [*columns([HEADINGS, *map(cells, records)]), LEGEND, ""]
+    if blind := remembering(records):
+        lines += [f"{MEMORY_TITLE}:", *columns([WITH_MEMORY, *map(memory_cells, blind)]), ""]
+    lines += [*sentences(summary(records)), "", *reasons(records)]
     return "\n".join(lines).rstrip()
 
 
@@ -82,7 +111,9 @@ def progress_line(record: PlantRecord, done: int, count: int) -> str:
         return f"{head}{len(record.entries)} competitors; {record.seconds:.1f} s"
     words = f"{cost(own)}, {'certified' if own.certified else 'not certified'}, {own.how}"
     duels = ", ".join(f"{one.outcome} (against {one.rival})" for one in (gain_duel(record), saturated_duel(record)))
-    return f"{head}INC {words}: {duels}; {record.seconds:.1f} s"
+    memory = record.entry(MEMORY)
+    more = "" if memory is None or memory.cost is None else f"; with memory {cost(memory)}, {memory.how}"
+    return f"{head}INC {words}: {duels}{more}; {record.seconds:.1f} s"
 
 
 def _rival(record: PlantRecord, one: Duel) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -31,7 +32,14 @@ def random_law(q: int, seed: int = 0, norm: float = NORM) -> INC:
 def evaluation(sizes: tuple[int, ...] = SIZES) -> list[Measurement]:
     """Return microseconds per point, of 1000 points at once and, for one point alone, per call."""
     y = np.random.default_rng(1).standard_normal((MEASUREMENTS, POINTS))
-    return [_measured(f"evaluate, q = {q}, {name}", answer, y) for q in sizes for name, answer in _ways(random_law(q))]
+    return [row for q in sizes for row in _compared([_measured(f"evaluate, q = {q}, {name}", answer, y)
+                                                     for name, answer in _ways(random_law(q))])]
+
+
+def _compared(rows: list[Measurement]) -> list[Measurement]:
+    """The rows with their ratios to the least."""
+    least = min(row.value for row in rows)
+    return [replace(row, note=f"{row.value / least:.1f} times the fastest; {row.note}") for row in rows]
 
 
 def _ways(law: INC) -> list[tuple[str, Callable[[np.ndarray], object]]]:

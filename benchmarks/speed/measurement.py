@@ -76,7 +76,7 @@ def table(rows: Sequence[Measurement]) -> str:
     what    measured  unit  target  verdict  note
     import       0.5  s          1  pass
     """
-    name, unit = max(len("what"), *(len(row.name) for row in rows)), max(len("unit"), *(len(row.unit) for row in rows))
+    name, unit = max([4, *(len(row.name) for row in rows)]), max([4, *(len(row.unit) for row in rows)])
     lines = [f"{'what':<{name}}  {'measured':>8}  {'unit':<{unit}}  {'target':>6}  verdict  note"]
     for row in rows:
         target = "-" if row.target is None else f"{row.target:g}"

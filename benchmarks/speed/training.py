@@ -136,18 +136,19 @@ def _row(part: Sequence[Run], least: dict[int, float], chosen: str) -> Row:
 
 
 def training_table(table: Sequence[Row]) -> str:
-    """Return the rows as text; a star marks the form that "auto" takes.
+    """Return the rows as text; a star marks the form that "auto" takes, the ratio is to the form of the least median.
 
     >>> print(training_table([Row("NN2", 4, "shooting", 6.5, 6.6, 3, 5, 5, 35, 0.02, "solved", True)]))
-    plant                q form              median      worst  0.1 %   1 %  steps  ms/step  ended
-    NN2                  4 shooting  *       6.5000     6.6000    3/5   5/5     35       20  solved
+    plant                q form              median  ratio      worst  0.1 %   1 %  steps  ms/step  ended
+    NN2                  4 shooting  *       6.5000      1     6.6000    3/5   5/5     35       20  solved
     """
-    lines = [f"{'plant':<18} {'q':>3} {'form':<11} {'median':>12} {'worst':>10} {'0.1 %':>6} {'1 %':>5} {'steps':>6} "
-             f"{'ms/step':>8}  ended"]
+    lines = [f"{'plant':<18} {'q':>3} {'form':<11} {'median':>12} {'ratio':>6} {'worst':>10} {'0.1 %':>6} {'1 %':>5} "
+             f"{'steps':>6} {'ms/step':>8}  ended"]
     for row in table:
+        ratio = row.cost / min(other.cost for other in table if (other.plant, other.q) == (row.plant, row.q))
         lines.append(f"{row.plant:<18} {row.q:>3} {row.form:<9} {'*' if row.chosen else ' '} {_cost(row.cost):>12} "
-                     f"{_cost(row.worst):>10} {f'{row.permille}/{row.seeds}':>6} {f'{row.percent}/{row.seeds}':>5} "
-                     f"{row.steps:>6.0f} {1e3 * row.step:>8.0f}  {row.ended}")
+                     f"{ratio:>6.4g} {_cost(row.worst):>10} {f'{row.permille}/{row.seeds}':>6} "
+                     f"{f'{row.percent}/{row.seeds}':>5} {row.steps:>6.0f} {1e3 * row.step:>8.0f}  {row.ended}")
     return "\n".join(lines)
 
 

@@ -104,7 +104,7 @@ def test_only_refusals_of_the_toolbox_become_reasons():
 @pytest.mark.parametrize(("name", "most"), [
     ("two lags", 8.262),  # 8.635 by scaling the best gain without limits
     ("AC17", 9.631),  # 9.649 by scaling
-    ("pendulum", 26.63),  # which no scaled gain keeps
+    pytest.param("pendulum", 26.63, marks=pytest.mark.slow),  # which no scaled gain keeps
     pytest.param("REA1", 2.95, marks=pytest.mark.slow)])
 def test_the_best_linear_gain_keeps_the_limits_later_on_where_the_search_alone_does_not(name: str, most: float):
     case = CASES[name]

@@ -25,6 +25,7 @@ def test_medians_and_shares_are_counted_seed_by_seed():
     assert (first.cost, first.worst, first.permille, first.percent) == (2.0, 5.0, 2, 2)
     assert (second.cost, second.worst, second.permille, second.percent) == (1.9, 5.1, 2, 2)
     assert first.chosen and not second.chosen and training_table([first, second]).count("*") == 1
+    assert "2.0000  1.053" in training_table([first, second]) and "1.9000      1 " in training_table([first, second])
 
 
 def test_a_form_that_is_too_large_is_left_out():

@@ -10,7 +10,7 @@ import pytest
 from benchmarks.contest.charts import SMALLEST, cost_chart, time_chart, wins_chart
 from benchmarks.contest.record import Entry
 from benchmarks.contest.sample import entry, record
-from benchmarks.contest.settings import SYNTHESIZED
+from benchmarks.contest.settings import MEMORY, SYNTHESIZED
 
 RECORDS = [
     record(1.5, {"LQG": 2.0}, plant="first"),
@@ -49,6 +49,14 @@ def test_bars_count_every_plant_once():
     [axes] = wins_chart([*RECORDS, missing]).axes
     widths = [patch.get_width() for patch in axes.patches]
     assert widths == [2, 1, 0, 1, 1] and sum(widths) == 5
+
+
+def test_laws_with_memory_have_bars_of_their_own():
+    blind = record(1.5, {"LQG": 1.2}, entries=(entry(SYNTHESIZED, 1.5), entry(MEMORY, 1.0, order=2), entry("LQG", 1.2)))
+    left, right = wins_chart([blind, RECORDS[1], replace(blind, sizes=(1, 1, 1))]).axes
+    assert [text.get_text() for text in left.get_yticklabels()] == ["LQG"]
+    assert [patch.get_width() for patch in left.patches] == [0, 1, 2, 0, 0]
+    assert [patch.get_width() for patch in right.patches] == [1, 0, 0, 0, 0]
 
 
 def test_times_have_a_bar_at_their_median():

@@ -50,6 +50,7 @@ def test_every_option_arrives(asked, tmp_path):
     assert main([*arguments, "--fresh", "--out", str(tmp_path)]) == 0
     assert asked.cases == ["pendulum", "car"] and asked.width == 3 and asked.fresh and asked.folder == tmp_path
     assert (asked.settings.seed, asked.settings.only, asked.settings.hidden) == (7, ("synthesized INC", "LQG"), QUICK.hidden)
+    assert command.controllers(["memory"]) == ("synthesized INC with memory",)
 
 
 def test_quick_takes_a_few_plants(asked, tmp_path):
@@ -99,6 +100,20 @@ def test_tables_of_the_other_commands_are_kept(tmp_path, monkeypatch, capsys):
     printed = capsys.readouterr().out
     for title in ("paper", "main"):
         assert json.loads((tmp_path / "sheets" / f"{title}.json").read_text())["text"] in printed
+
+
+def test_all_parts_of_speed_are_measured_and_kept(tmp_path, monkeypatch, capsys):
+    for name in ("imports", "exact_cost", "evaluation"):
+        monkeypatch.setattr(commands.speed, name, list)
+    monkeypatch.setattr(commands.speed, "main_job", lambda: [Measurement("job", 2.0, "s", 1.0)])
+    for name in ("certification", "pieces", "training", "alternation", "single_evaluation"):
+        monkeypatch.setattr(commands.speed, name, list)
+    assert main(["speed", "--out", str(tmp_path)]) == 1  # the main job misses its target, whatever comes after it
+    assert {path.stem for path in (tmp_path / "sheets").iterdir()} == {
+        f"speed-{part}" for part in ("times", "certify", "certify-targets", "pieces", "training", "alternation", "single")}
+    said = capsys.readouterr().out
+    assert all(f"speed {part}\n" in said for part in commands.PARTS) and "all parts: 0 s of the processor" in said
+    assert main(["speed", "times"]) == 1 and "all parts" not in capsys.readouterr().out
 
 
 def test_two_plants_from_end_to_end(tmp_path, capsys):

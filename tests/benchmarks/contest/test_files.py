@@ -46,11 +46,20 @@ def test_classes_that_are_beaten_stand_in_one_cell():
 
 
 def test_the_law_of_a_former_run_does_not_stay_beside_a_new_record(tmp_path):
-    path = write_record(tmp_path, RECORDS[0], law="{}")
-    beside = path.with_name("two-lags-output.law.json")
-    assert beside.read_text() == "{}"
+    path = write_record(tmp_path, RECORDS[0], law="{}", memory="[]")
+    static, memory = (path.with_name(f"two-lags-output{suffix}") for suffix in (".law.json", ".memory.json"))
+    assert static.read_text() == "{}" and memory.read_text() == "[]"
+    assert read_records(tmp_path) == RECORDS[:1]
+    write_record(tmp_path, RECORDS[0], law="{}")
+    assert static.exists() and not memory.exists()
     write_record(tmp_path, RECORDS[0])
-    assert not beside.exists()
+    assert not static.exists()
+
+
+def test_the_csv_says_where_the_seconds_went():
+    stages = {"judging": 0.5, "in all": 2.0, "x (wall)": 3.0}
+    [row] = csv_rows([record(None, {}, entries=(entry("LQG", 1.0),), stages=stages)])
+    assert row["s, judging"] == "0.5" and row["s, in all"] == "2.0" and row["s, growth"] == ""
 
 
 def test_an_interrupted_write_leaves_the_former_record(tmp_path, monkeypatch):

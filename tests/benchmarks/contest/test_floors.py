@@ -54,3 +54,11 @@ def test_a_bound_that_cannot_be_had_leaves_the_others(monkeypatch):
     any_, linear, static = floors(scalar(BETA), BRIEF)
     assert linear.bound is None and "no linear controller is admissible" in linear.reason
     assert any_.holds() and static.holds()
+
+
+@pytest.mark.parametrize(("change", "again"), [
+    ({}, []), ({"cut_short": True}, ["any"]), ({"value": 1.0}, ["any"])])  # 1.0 is more than its numbers prove
+def test_a_class_is_worked_out_again_only_where_more_may_come_of_it(found: Comparison, change, again: list[str]):
+    first, *others = found.floors
+    known = (replace(first, bound=replace(first.bound, **change)), *others)
+    assert [one.family.key for one in floors(scalar(BETA), BRIEF, known)] == again

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.contest.record import Entry
+from benchmarks.contest.record import UNSUITED, Entry
 from benchmarks.contest.sample import entry, record
-from benchmarks.contest.settings import SYNTHESIZED
+from benchmarks.contest.settings import MEMORY, SYNTHESIZED
 from benchmarks.contest.shares import above, won
 from benchmarks.contest.summary import sentences, summary
 
@@ -32,17 +32,42 @@ def test_counts():
     gain, saturated = found.gain, found.saturated
     assert (gain.won, gain.same, gain.lost, gain.open, gain.absent, gain.decided) == (3, 0, 0, 2, 1, 3)
     assert (saturated.won, saturated.same, saturated.lost, saturated.open, saturated.absent) == (1, 1, 1, 2, 1)
-    assert found.stronger == ((SAT, 1),)
+    assert found.static == ((SAT, 1),) and found.remembering == () and found.memory is None
     assert gain.shares == pytest.approx((0.5, 0.1, 0.2)) and saturated.shares == pytest.approx((0.25,))
 
 
 def test_sentences_say_the_counts_median_and_most():
     said = sentences(summary(RECORDS))
-    assert said[0] == "The synthesized INC is certified on 4 of 6 plants (1 settled rigorously)."
+    assert said[0] == "The synthesized INC, a static law, is certified on 4 of 6 plants (1 settled rigorously)."
     assert said[1].endswith("on 3 of 3 plants, by 20 % in the median and 50 % at most.")
     assert said[2].endswith("on 1 of 3 plants, by 25 % in the median and 25 % at most, the same on 1, more on 1.")
-    assert said[3].startswith("On 1 it is proved") and "Nothing is known of 1" in said[6]
-    assert said[4] == "A competitor is certified to cost less than it on 1: the saturated LQR on 1."
+    assert said[3] == "A static competitor is certified to cost less than it on 1: the saturated LQR on 1."
+    assert said[4].startswith("On 1 it is proved") and "Nothing is known of 1" in said[6]
+
+
+def test_laws_with_memory_are_counted_apart():
+    def blind(own: Entry, **rivals: float):
+        made = record(1.0, {GAIN: 2.0, SAT: 1.1})
+        others = [entry(name.replace("_", " "), cost, order=2) for name, cost in rivals.items()]
+        return replace(made, entries=(*made.entries, own, *others))
+
+    records = [blind(entry(MEMORY, 0.5, order=2, proved=True), saturated_LQG=1.0, MPC=0.5),
+               blind(entry(MEMORY, 0.9, order=2), saturated_LQG=0.6, MPC=0.8),
+               blind(entry(MEMORY, 0.9, certified=False, how="simulated")),
+               blind(Entry(MEMORY, kind=UNSUITED))]
+    records[3] = replace(records[3], sizes=(1, 1, 1))
+    found = summary(records)
+    memory = found.memory
+    assert (memory.plants, memory.certified, memory.proved) == (3, 2, 1) and memory.stronger == (("saturated LQG", 1),)
+    counts = {name: (one.won, one.same, one.lost) for name, one in memory.duels}
+    assert counts == {"saturated LQG": (1, 0, 1), "MPC": (0, 1, 1), "best dynamic linear": (0, 0, 0), SYNTHESIZED: (2, 0, 0)}
+    assert found.static == () and found.remembering == (("MPC", 1), ("saturated LQG", 1))
+    said = sentences(found)
+    assert said[6] == ("The synthesized INC with memory is certified on 2 of 3 plants whose state is not wholly measured "
+                       "(1 settled rigorously).")
+    assert said[7].startswith("It costs less than the saturated LQG on 1 of 2 plants, by 50 % in the median")
+    assert said[7].endswith("than the static INC on 2 of 2 plants, by 30 % in the median and 50 % at most.")
+    assert said[8] == "A competitor is certified to cost less than it on 1: the saturated LQG on 1."
 
 
 def test_a_contradiction_is_loud():
@@ -52,7 +77,7 @@ def test_a_contradiction_is_loud():
 
 
 def test_the_empty_run_has_sentences():
-    assert sentences(summary([]))[0].startswith("The synthesized INC is certified on 0 of 0 plants")
+    assert sentences(summary([]))[0].startswith("The synthesized INC, a static law, is certified on 0 of 0 plants")
 
 
 def test_what_is_won_is_rounded_down_and_what_is_left_up():

@@ -9,12 +9,22 @@ import pytest
 from benchmarks.contest.charts import draw_charts
 from benchmarks.contest.page import page, write_page
 from benchmarks.contest.reasons import why
-from benchmarks.contest.record import Entry
+from benchmarks.contest.record import UNSUITED, Entry
 from benchmarks.contest.sample import NOWHERE, entry, record
-from benchmarks.contest.settings import QUICK, SYNTHESIZED
+from benchmarks.contest.settings import MEMORY, QUICK, SYNTHESIZED
 from benchmarks.contest.sheets import Sheet
 from benchmarks.contest.summary import sentences, summary
-from benchmarks.contest.table import HEADINGS, cells, cost, progress_line, table
+from benchmarks.contest.table import (
+    HEADINGS,
+    MEMORY_TITLE,
+    WITH_MEMORY,
+    cells,
+    cost,
+    memory_cells,
+    progress_line,
+    remembering,
+    table,
+)
 
 GAIN, SAT = "best linear gain", "saturated LQR"
 RECORDS = [
@@ -43,17 +53,43 @@ def test_table_and_page_have_the_same_sentences_and_reasons():
     for one in sentences(summary(RECORDS)):
         assert one in shown and one in text
     for one in RECORDS:
-        assert f"{one.plant}: {why(one)}" in shown and f"**{one.plant}**: {why(one)}." in text
+        assert f"{one.plant}: {why(one)}" in shown and f"- {one.plant}: {why(one)}." in text
 
 
 def test_the_page_begins_with_what_the_run_comes_to():
-    assert page(RECORDS).splitlines()[:3] == ["# Results", "", sentences(summary(RECORDS))[0]]
+    assert page(RECORDS).splitlines()[:3] == ["# Results", "", f"- {sentences(summary(RECORDS))[0]}"]
+
+
+def test_a_controller_that_does_not_apply_is_not_on_the_page_and_one_that_was_not_found_has_a_line():
+    made = record(1.0, {GAIN: 2.0}, plant="x")
+    text = page([replace(made, entries=(*made.entries, Entry("LQG", kind=UNSUITED, reason="sees all"),
+                                        Entry("MPC", reason="no box"), Entry("clipped gain", reason="no box. Try one."),
+                                        entry("scaled LQR", 3.0, certified=False, how="simulated", reason="too slow")))])
+    details = text[text.index("### x"):]
+    assert "LQG" not in details and "- MPC, clipped gain: no box" in details and "| MPC |" not in details
+    assert "| scaled LQR |" in details and "- scaled LQR: too slow" in details
+
+
+def test_laws_with_memory_have_a_table_of_their_own():
+    made = record(2.0, {"MPC": 1.6}, floor=1.0, plant="blind")
+    both = [replace(made, entries=(*made.entries, entry(MEMORY, 1.5, order=2, gap=0.5))), replace(made, sizes=(1, 1, 1))]
+    assert remembering(both) == both[:1]
+    row = memory_cells(both[0])
+    assert len(row) == len(WITH_MEMORY) and row[WITH_MEMORY.index("MPC"):][:2] == ("1.6", "6.25 %")
+    assert "| " + " | ".join(row) + " |" in page(both) and MEMORY_TITLE in table(both)
+    assert MEMORY_TITLE not in page(RECORDS[:1])
+
+
+def test_the_page_says_where_the_seconds_went():
+    stages = {"judging": 3.0, "bounds": 4.0, "synthesis, in all (wall)": 9.0, "in all": 8.0}
+    text = page([replace(RECORDS[0], stages=stages)] * 2)
+    assert "16 s for all plants together: bounds 8, judging 6." in text
 
 
 def test_the_page_says_versions_machine_date_and_budgets():
     text = page([*RECORDS, replace(RECORDS[0], settings=QUICK, environment=replace(NOWHERE, cores=64))])
     for words in ("numpy 2.0.0", "commit abc", "2 cores, 8 GiB", "64 cores", "2000-01-01 00:00 UTC", "Seed 0; 8 hidden",
-                  "Seed 0; 4 hidden", "12 s for all plants"):
+                  "Seed 0; 4 hidden", "12 s for all plants together."):
         assert words in text
 
 
