@@ -30,6 +30,7 @@ from .loop import close_loop, equilibrium
 from .mpc import MPC
 from .multipliers import Lifted
 from .pieces.basin import region_of_attraction
+from .pieces.critical_regions import CriticalRegions, feasible_set
 from .pieces.difference import largest_difference
 from .pieces.reach import reachable
 from .pieces.regions import regions
@@ -42,10 +43,10 @@ from .spec import Spec
 from .uncertainty import InputSector, NormBounded
 
 __all__ = [
-    "Attraction", "Box", "Budget", "CenteredLogistic", "Certificate", "DeviationCost", "DiscountedCost", "Ellipsoid",
-    "Empirical", "Gaussian", "INC", "INCError", "Identity", "InputSector", "Invariance", "L2Gain", "LeakyReLU", "Lifted",
-    "Logistic", "MPC", "Margins", "Moments", "NormBounded", "Plant", "Polytope", "Polytopic", "ReLU", "Regional", "Robust",
-    "Saturation", "Spec", "Stability", "Tanh", "Together", "Uniform", "admissible_set", "bounds", "certify", "close_loop",
-    "compare", "equilibrium", "errors", "largest_difference", "largest_scale", "load", "reachable", "region_of_attraction",
-    "regions", "save", "simulate",
+    "Attraction", "Box", "Budget", "CenteredLogistic", "Certificate", "CriticalRegions", "DeviationCost",
+    "DiscountedCost", "Ellipsoid", "Empirical", "Gaussian", "INC", "INCError", "Identity", "InputSector", "Invariance",
+    "L2Gain", "LeakyReLU", "Lifted", "Logistic", "MPC", "Margins", "Moments", "NormBounded", "Plant", "Polytope",
+    "Polytopic", "ReLU", "Regional", "Robust", "Saturation", "Spec", "Stability", "Tanh", "Together", "Uniform",
+    "admissible_set", "bounds", "certify", "close_loop", "compare", "equilibrium", "errors", "feasible_set",
+    "largest_difference", "largest_scale", "load", "reachable", "region_of_attraction", "regions", "save", "simulate",
 ]

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from .arrays import Array, matrix, vector
 from .blocks import exact
+from .brief import Brief
 from .certificate import Proof
 from .errors import ConvergenceError, DimensionError, EmptySetError, InvalidInputError
 from .implied import unproved
@@ -28,7 +29,7 @@ MOST_STEPS = 2_000
 
 
 @dataclass(frozen=True, eq=False)
-class AdmissibleSet:
+class AdmissibleSet(Brief):
     """A polytope that the map x+ = A x + c maps into itself, and on which H x <= h.
 
     polytope: the set; steps: the k from which on H A^k x <= h follows from the earlier ones; A (n, n), c (n,), H (k, n), h

@@ -12,13 +12,17 @@ from types import MappingProxyType
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from . import exact, monotone
 from .activations.stack import lipschitz, slopes
-from .arrays import Array, matrix, symmetric, vector
+from .arrays import Array
+from .brief import Brief
+from .certificate_values import checked_value, posed_unknowns
 from .claims.base import Claim
-from .definite import definiteness, is_surely_positive
+from .definite import definiteness, is_surely_positive, smallest_eigenvalue, with_sign
 from .errors import InvalidInputError, NotCertifiedError
+from .hindrance import FAR, hindrance
 from .inc import INC
 from .inequalities import Inequalities
 from .loop import ClosedLoop, close_loop
@@ -26,9 +30,10 @@ from .monotone import lmi_well_posed
 from .multipliers import Multiplier, Unknown, as_multiplier
 from .plant import Plant, as_plant
 from .readings import Rational, Reading, Rounded
+from .storage_function import stored_value
 
+AROUND = "Regional and Attraction claim something about a set."
 EXACT, FLOAT = "exact rational arithmetic", "floating point with every rounding bounded"
-EIGENVALUE_ROUNDING = 8.0  # eigvalsh errs by less than this times size eps norm
 
 
 @dataclass(frozen=True)
@@ -44,7 +49,7 @@ class Proof:
         return self.succeeded
 
 
-class Certificate(ABC):
+class Certificate(Brief, ABC):
     """A claim about a loop with the evidence for it; each question is answered anew from the evidence."""
 
     @property
@@ -62,6 +67,11 @@ class Certificate(ABC):
     def sentence(self) -> str:
         """What is proved, in one sentence, or that nothing is."""
 
+    @property
+    def advice(self) -> str:
+        """What to try instead where the certificate does not hold, in a sentence or two; empty where nothing is known."""
+        return ""
+
     @abstractmethod
     def margins(self) -> Mapping[str, float]:
         """Return the distance from failing of every condition; positive is good."""
@@ -77,12 +87,28 @@ class Certificate(ABC):
     def require(self) -> Self:
         """Return the certificate itself when it holds.
 
-        Raises NotCertifiedError with the reason when it does not.
+        Raises NotCertifiedError with the reason when it does not, and with `advice`.
         """
         reason = self.reason
         if reason:
-            raise NotCertifiedError(reason)
+            raise NotCertifiedError(f"{reason}. {self.advice}" if self.advice else reason)
         return self
+
+    def storage(self, x: ArrayLike) -> float | Array:
+        """Return V(x), the storage function that the proof rests on, at a state (n,) or columns (n, N): a number or (N,).
+
+        What V proves is in `sentence`: that it falls along motions, that it bounds the cost to come, or both. It proves
+        nothing where V(x) > `storage_level`, nor where the certificate does not hold. In floats, rounding not bounded.
+
+        Raises InvalidInputError where there is none, DimensionError for x of another size.
+        """
+        raise InvalidInputError(f"a {type(self).__name__} rests on no storage function of the state: one by matrix "
+                                "inequalities does, such as certify(plant, inc, Stability()) or Attraction()")
+
+    @property
+    def storage_level(self) -> float:
+        """The largest c for which {x: V(x) <= c} belongs to the proof: infinite where V speaks of every state."""
+        return np.inf
 
     def save(self, path: str | Path) -> None:
         """Write the certificate to a JSON file that `inc_casadi.load` reads."""
@@ -90,7 +116,7 @@ class Certificate(ABC):
         save(self, path)
 
     def __str__(self) -> str:
-        return self.sentence
+        return f"{self.sentence} {self.advice}".rstrip()
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,6 +169,20 @@ class MatrixCertificate(Certificate):
     def bound(self) -> float:
         """The number that the claim states: a cost, or a rate."""
         return self.claim.bound(self.loop, self.values)
+
+    def storage(self, x: ArrayLike) -> float | Array:
+        """Return V(x) = v'P v at a state (n,) or at columns (n, N); v is the state, and with `Lifted` hidden vectors too.
+
+        v counts from the equilibrium where biases move it; see `Certificate.storage`.
+
+        >>> from inc_casadi import Stability
+        >>> law = INC([[0.0]], [[1.0]], [[-0.2]], [[0.0]])
+        >>> values = {"P": [[2.0]], "Lambda": [0.1]}
+        >>> found = MatrixCertificate(Plant([[0.5]], [[1.0]]), law, Stability(0.9), "sector", values)
+        >>> found.holds(), found.storage([[1.0, -3.0]]).tolist()
+        (True, [2.0, 18.0])
+        """
+        return stored_value(x, self.values["P"], self.plant, self.inc)
 
     def margins(self) -> dict[str, float]:
         """Return how far each condition is from failing, relative and with rounding taken off.
@@ -208,9 +248,24 @@ class MatrixCertificate(Certificate):
         failing = {name: value for name, value in margins.items() if not _passes(name, value)}
         if not failing:
             return ""
+        note = f" ({self.note})" if self.note else ""
+        if not self.values["P"].any():
+            return self.note or "no numbers were found"
+        if self._hindrance:
+            return f"there is no such certificate: {self._hindrance}{note}"
         worst = min(failing, key=lambda name: failing[name])
         return (f"with the {self.multiplier.name} multiplier, the condition {worst!r} has the relative margin "
-                f"{failing[worst]:.3g}, and a positive one is needed" + (f" ({self.note})" if self.note else ""))
+                f"{failing[worst]:.3g}, and a positive one is needed{note}")
+
+    @property
+    def advice(self) -> str:
+        """Claims about a set, where one about every state is hopeless."""
+        return "" if self.holds() or not self._hindrance else AROUND if FAR in self._hindrance else ""
+
+    @cached_property
+    def _hindrance(self) -> str:
+        growth = self.claim.growth(self.plant.discrete)
+        return "" if growth is None else hindrance(self.plant, self.inc, growth)
 
     @property
     def sentence(self) -> str:
@@ -335,48 +390,5 @@ class MatrixCertificate(Certificate):
                 "of the loop is defined for certain")
 
 
-def posed_unknowns(inc: INC) -> tuple[Unknown, ...]:
-    """Return T (q,) when Perron-Frobenius does not prove the controller well posed, so that a certificate carries it."""
-    return () if inc.contraction.contracts else (Unknown("T", (inc.q,), "nonnegative"),)
-
-
-def posed_values(inc: INC) -> dict[str, Array]:
-    """Return T of the controller's own test where a certificate carries it: zeros when none was found."""
-    if inc.contraction.contracts:
-        return {}
-    T = inc.well_posedness().T
-    return {"T": np.zeros(inc.q) if T is None else T}
-
-
-def checked_value(unknown: Unknown, value: Any) -> Array:
-    """Return a value as its unknown wants it: of its shape, symmetric, zero where it must be."""
-    if unknown.is_symmetric:
-        array = symmetric(unknown.name, value, unknown.shape[0])
-    elif len(unknown.shape) == 2:
-        array = matrix(unknown.name, value, (unknown.shape[0], unknown.shape[1]))
-    else:
-        array = vector(unknown.name, value, unknown.shape[0])
-    if np.any(array[~unknown.free]):
-        raise InvalidInputError(f"{unknown.name} has an entry that must be zero: a product that the multiplier may not use")
-    return array
-
-
 def _passes(name: str, margin: float) -> bool:
     return margin >= 0 if name.endswith(">= 0") else margin > 0
-
-
-def smallest_eigenvalue(condition: Rounded) -> tuple[float, float]:
-    """Return the smallest eigenvalue of D^-1 M D^-1 and a bound on its error; (-inf, 0) after an overflow."""
-    value, size, error = condition.value, condition.size, condition.error
-    if not np.all(np.isfinite(size)):
-        return -np.inf, 0.0
-    scale = np.sqrt(np.diag(size))
-    scale = np.where(scale > 0, scale, 1.0)
-    scaled, room = value / np.outer(scale, scale), error / np.outer(scale, scale)
-    rounding = EIGENVALUE_ROUNDING * len(scaled) * np.finfo(float).eps * np.linalg.norm(scaled)
-    return float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0]), float(np.linalg.norm(room) + rounding)
-
-
-def with_sign(estimate: float, positive: bool) -> float:
-    """Return a floating-point estimate of a margin whose sign is known."""
-    return max(estimate, np.finfo(float).tiny) if positive else min(estimate, 0.0)

@@ -71,6 +71,10 @@ def certify(plant: Any, inc: INC, claim: Claim | Regional | Attraction | Invaria
         return certify_invariance(plant, inc, claim, method, budget)
     if not isinstance(claim, Claim):
         raise InvalidInputError(f"claim must be a Claim such as Stability(), not {claim!r}")
+    if method != "auto":
+        raise InvalidInputError(f"method is {method!r}, but {type(claim).__name__} is about every state and proved by "
+                                "matrix inequalities, among which `multiplier` chooses; methods are for claims about a set, "
+                                "such as Regional or Attraction")
     if isinstance(multiplier, str) and multiplier == "auto":
         rungs: tuple[Multiplier, ...] = LADDER
     else:
@@ -98,7 +102,7 @@ def _climb(loop: ClosedLoop, claim: Claim, rungs: tuple[Multiplier, ...], how: S
         return unsolved(loop.plant, loop.inc, claim, Sector(), f"{obstacle}: no search was made")
     if len(rungs) == 1 and (refusal := claim.refusal(loop, rungs[0])):
         return unsolved(loop.plant, loop.inc, claim, Sector(), f"{rungs[0].name} was asked for, but {refusal}: no search "
-                                                               "was made")
+                                                               f"was made. {_instead(loop, claim)}")
     found: list[MatrixCertificate] = []
     notes = []
     for rung in rungs:
@@ -114,6 +118,12 @@ def _climb(loop: ClosedLoop, claim: Claim, rungs: tuple[Multiplier, ...], how: S
     if not found:
         return unsolved(loop.plant, loop.inc, claim, Sector(), "; ".join(notes))
     return replace(max(found, key=_strength), note="; ".join(notes))
+
+
+def _instead(loop: ClosedLoop, claim: Claim) -> str:
+    """Return which rungs do apply, in words."""
+    names = [repr(rung.name) for rung in LADDER if not claim.refusal(loop, rung)]
+    return f"What applies here: {', '.join(names)}; 'auto' takes the strongest" if names else "No multiplier applies here"
 
 
 def _strength(certificate: MatrixCertificate) -> tuple[bool, float]:

@@ -12,6 +12,8 @@ from .arrays import Array
 from .errors import DimensionError, InvalidInputError
 from .readings import EPS, FLUSHED, Rounded
 
+EIGENVALUE_ROUNDING = 8.0  # eigvalsh errs by less than this times size eps norm
+
 
 def is_surely_positive(condition: Rounded) -> bool:
     """Return True only with a proof that a symmetric matrix M, known up to an error bound, is positive definite.
@@ -126,3 +128,20 @@ def _remainder_is_dominant(A: Array, E: Array, L: Array) -> bool:
     # A sum of n nonnegative numbers, each formed with a few roundings, is too small by less than (n + 8) eps of itself.
     needed = (1 + (len(A) + 8) * EPS) * (others + slack).sum(axis=1)
     return bool(np.all(np.diag(remainder) > needed))
+
+
+def smallest_eigenvalue(condition: Rounded) -> tuple[float, float]:
+    """Return the smallest eigenvalue of D^-1 M D^-1 and a bound on its error; (-inf, 0) after an overflow."""
+    value, size, error = condition.value, condition.size, condition.error
+    if not np.all(np.isfinite(size)):
+        return -np.inf, 0.0
+    scale = np.sqrt(np.diag(size))
+    scale = np.where(scale > 0, scale, 1.0)
+    scaled, room = value / np.outer(scale, scale), error / np.outer(scale, scale)
+    rounding = EIGENVALUE_ROUNDING * len(scaled) * np.finfo(float).eps * np.linalg.norm(scaled)
+    return float(np.linalg.eigvalsh((scaled + scaled.T) / 2)[0]), float(np.linalg.norm(room) + rounding)
+
+
+def with_sign(estimate: float, positive: bool) -> float:
+    """Return a floating-point estimate of a margin whose sign is known."""
+    return max(estimate, np.finfo(float).tiny) if positive else min(estimate, 0.0)

@@ -9,9 +9,13 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import Any
 
+from numpy.typing import ArrayLike
+
 from .arrays import Array
-from .certificate import EXACT, FLOAT, Certificate, Proof, checked_value, posed_unknowns, smallest_eigenvalue, with_sign
+from .certificate import EXACT, FLOAT, Certificate, Proof
+from .certificate_values import checked_value, posed_unknowns
 from .claims.attraction import Attraction
+from .definite import smallest_eigenvalue, with_sign
 from .errors import InvalidInputError
 from .inc import INC
 from .local import checks
@@ -24,6 +28,7 @@ from .multipliers import Unknown
 from .plant import Plant, as_plant
 from .readings import Rational, Rounded
 from .sets import Ellipsoid
+from .storage_function import quadratic_about
 
 NO_REST = ("the ellipsoid is counted from an equilibrium, and none is known rigorously: the loop has none, or a unit is "
            "curved, or it is too large")
@@ -83,6 +88,19 @@ class EllipsoidCertificate(Certificate):
         if not self.values or self._rest is None:
             raise InvalidInputError(f"the certificate has no ellipsoid: {self.reason}")
         return Ellipsoid(self.values["P"], self._rest.center)
+
+    def storage(self, x: ArrayLike) -> float | Array:
+        """Return V(x) = e'P e, e = x - x*, at a state (n,) or columns (n, N); every motion from V <= 1 keeps V <= 1.
+
+        Raises InvalidInputError where no ellipsoid was found.
+        """
+        found = self.ellipsoid
+        return quadratic_about(x, found.P, found.center)
+
+    @property
+    def storage_level(self) -> float:
+        """1: the ellipsoid itself."""
+        return 1.0
 
     @property
     def volume(self) -> float:

@@ -10,9 +10,11 @@ from math import inf, isfinite, sqrt
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from .arrays import number
-from .certificate import Certificate, Proof, posed_values
+from .arrays import Array, number
+from .certificate import Certificate, Proof
+from .certificate_values import posed_values
 from .claims.attraction import Attraction
 from .ellipsoid_certificate import NO_REST, EllipsoidCertificate
 from .errors import InvalidInputError
@@ -87,6 +89,15 @@ class EllipsoidalRegion(Certificate):
     def ellipsoid(self) -> Ellipsoid:
         """The ellipsoid, its center rounded to floats; InvalidInputError where there is none."""
         return self.inner.ellipsoid
+
+    def storage(self, x: ArrayLike) -> float | Array:
+        """Return the storage function of `inner`, whose level set V <= 1 contains all initial states."""
+        return self.inner.storage(x)
+
+    @property
+    def storage_level(self) -> float:
+        """1: the ellipsoid itself."""
+        return self.inner.storage_level
 
     @property
     def bound(self) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .arrays import Array
+from .brief import Brief
 from .plant import Plant
 from .simulate import quadratic
 from .spec import Spec
@@ -19,7 +20,7 @@ WATCHED = 500
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class Estimate(Brief):
     """Simulated expected cost: mean and standard_error over `samples` seeded starting points, infinite on divergence.
 
     largest: the largest sampled cost; excess: the largest violation H u - h of an input limit seen, at most 0 when all

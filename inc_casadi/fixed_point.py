@@ -8,6 +8,7 @@ import numpy as np
 
 from .activations.stack import Units, derivative, evaluate
 from .arrays import Array
+from .brief import Brief
 from .errors import ConvergenceError, InvalidInputError
 from .splitting import prepare
 
@@ -17,7 +18,7 @@ FIRST_ROUND, LONGEST_ROUND = 10, 1000  # splitting iterations between two looks 
 
 
 @dataclass(frozen=True, eq=False)
-class FixedPoint:
+class FixedPoint(Brief):
     """Solutions eta (q, N) of eta = phi(W eta + c), with how they were found.
 
     residual: the largest |eta - phi(W eta + c)|; iterations: evaluations of phi, 1 for a feedforward pass.

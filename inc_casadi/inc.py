@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -15,6 +16,7 @@ from . import fixed_point, monotone
 from .activations import Activation, ReLU, Saturation
 from .activations.stack import Units, as_units, derivative, lipschitz, sectors, slopes
 from .arrays import Array, columns, matrix, vector
+from .brief import Brief
 from .errors import DimensionError, InvalidInputError, NotWellPosedError
 from .sets import Box
 from .well_posed import WellPosedness, perron_frobenius, well_posedness
@@ -36,7 +38,7 @@ class Adjoint(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class INC:
+class INC(Brief):
     """A static feedback law u = inc(y) through a fixed point: eta = phi(W eta + U y + b), u = K y + V eta + d.
 
     W: (q, q); U: (q, p); V: (m, q); K: (m, p); b: (q,), zero when left out; d: (m,), zero when left out;
@@ -226,6 +228,25 @@ class INC:
         """The activation of each hidden unit, a tuple of length q."""
         return as_units(self.activation, self.q)
 
+    def __repr__(self) -> str:
+        """Return its sizes, its activations and the structure of W, which decides the well-posedness.
+
+        >>> INC([[0.3, 0.4], [0.2, 0.1]], [[1.0], [1.0]], [[1.0, 1.0]], [[0.0]], b=[1.0, 0.0])
+        INC(q=2, p=1, m=1, ReLU, biased, loops with lambda_pf(S|W|) = 0.5)
+        """
+        words = [f"q={self.q}", f"p={self.p}", f"m={self.m}", *unit_names(self.activations)]
+        if self.b.any() or self.d.any():
+            words.append("biased")
+        return f"INC({', '.join([*words, self._structure])})"
+
+    @property
+    def _structure(self) -> str:
+        if self.q == 0:
+            return "linear"
+        if fixed_point.feedforward_levels(self.W) is not None:
+            return "feedforward"
+        return f"loops with lambda_pf(S|W|) = {self.contraction.radius:.4g}"
+
     @property
     def preserves_origin(self) -> bool:
         """Whether b = 0, d = 0 and phi(0) = 0, so that eta = 0 and u = 0 belong to y = 0."""
@@ -350,6 +371,16 @@ class INC:
         """Return the law as a static `control.NonlinearIOSystem` from y to u; see `interchange.control_system`."""
         from .interchange.control_system import to_control
         return to_control(self, dt, **names)
+
+
+def unit_names(units: Units) -> list[str]:
+    """Return the activations in words, with their numbers of units where they differ.
+
+    >>> unit_names((ReLU(), ReLU(), Saturation())), unit_names((ReLU(),))
+    (['2 ReLU', '1 Saturation'], ['ReLU'])
+    """
+    counted = Counter(repr(unit).removesuffix("()") for unit in units)
+    return list(counted) if len(counted) == 1 else [f"{number} {name}" for name, number in counted.items()]
 
 
 def inner_half(limits: Box) -> tuple[Array, Array]:

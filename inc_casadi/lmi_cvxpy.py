@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array
-from .certificate import MatrixCertificate, posed_values
+from .certificate import MatrixCertificate
+from .certificate_values import posed_values
 from .claims.base import Claim
 from .errors import InvalidInputError, SolverError
 from .inc import INC

@@ -10,6 +10,7 @@ import numpy as np
 from .activations.stack import sectors, slopes
 from .arrays import Array
 from .blocks import hstack
+from .brief import Brief
 from .errors import DimensionError, NoEquilibriumError
 from .inc import INC
 from .plant import Plant, as_plant
@@ -17,7 +18,7 @@ from .readings import Reading
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedLoop:
+class ClosedLoop(Brief):
     """The loop over a stacked variable s, at first s = (x, eta): F s is x+ (or dx/dt), u = G s, z = Z s, x = X s, eta = H s.
 
     F (n, n+q), G (m, n+q), Z (q, n+q), X (n, n+q), H (q, n+q) of eq:s_stack, eq:Z_def, eq:F_def, eq:G_def, eq:Fc_def.
@@ -151,7 +152,7 @@ def _lifted(like: Any, value: Array) -> Any:
 
 
 @dataclass(frozen=True, eq=False)
-class Equilibrium:
+class Equilibrium(Brief):
     """A point where the loop rests (eq:equilibrium_incremental): x (n,), u (m,), y (p,), z (q,), eta (q,).
 
     residual: the largest |A x + B u - x|, or |A x + B u| in continuous time.

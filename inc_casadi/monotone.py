@@ -11,6 +11,7 @@ import numpy as np
 
 from . import exact
 from .arrays import Array
+from .brief import Brief
 from .lmi_problem import Block, Problem, Term
 from .readings import Rational, Rounded
 
@@ -21,7 +22,7 @@ KEPT = 0.99  # share of the computed monotonicity that is claimed, so that round
 
 
 @dataclass(frozen=True, eq=False)
-class Multiplier:
+class Multiplier(Brief):
     """A diagonal T > 0 with He((I - LW)'T(I - SW)) >= 2 monotonicity T; T (q,), monotonicity > 0."""
 
     T: Array

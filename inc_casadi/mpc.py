@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from .activations import Saturation
 from .arrays import Array, columns, frozen, number, symmetric
+from .brief import Brief
 from .errors import DimensionError, InfeasibleError, InvalidInputError, NotStabilizableError, SolverError
 from .inc import INC, inner_half
 from .plant import Plant, as_plant
@@ -35,7 +36,7 @@ class Condensed:
 
 
 @dataclass(frozen=True, eq=False)
-class MPC:
+class MPC(Brief):
     """The law u = first input of the sequence that minimizes a discounted cost over a horizon, within limits.
 
     Over u_0, ..., u_{N-1} with x_{k+1} = A x_k + B u_k it minimizes

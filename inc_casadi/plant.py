@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import Array, matrix, number
+from .brief import Brief
 from .errors import DimensionError, InvalidInputError, SolverError
 
 # An eigenvalue this close to the stability boundary is on it: a boundary mode must not pass as stable by rounding.
@@ -16,7 +17,7 @@ _BOUNDARY_TOL = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Plant:
+class Plant(Brief):
     """A linear time-invariant plant without direct feedthrough, the object that a controller closes the loop around.
 
     x+ = A x + B u (dt > 0) or dx/dt = A x + B u (dt = 0), and y = C x. There is no D: with y = C x + D u the controller
@@ -67,6 +68,11 @@ class Plant:
             raise DimensionError(f"C has shape {C.shape}, but the plant needs at least one output")
         for name, value in (("A", A), ("B", B), ("C", C), ("dt", _period(self.dt))):
             object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        """Return its sizes and its period, say Plant(n=2, m=1, p=1, dt=0.1); p is left out with the full state measured."""
+        measured = "" if self.full_state else f", p={self.p}"
+        return f"Plant(n={self.n}, m={self.m}{measured}, dt={self.dt:g})"
 
     @property
     def n(self) -> int:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from .arrays import Array, number
+from .brief import Brief
 from .errors import InvalidInputError
 from .plant import Plant, as_plant
 from .spec import Spec
@@ -18,7 +19,7 @@ _HALVINGS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class SampledProblem:
+class SampledProblem(Brief):
     """The discrete problem of a continuous one under a zero-order hold of a period h.
 
     The integral of exp(-gamma t) (x'Q x + u'R u) over all time is sum_k b^k [x_k; u_k]'M [x_k; u_k], b = exp(-gamma h),

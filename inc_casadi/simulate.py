@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .arrays import Array, columns, number, symmetric
+from .brief import Brief
 from .errors import ConvergenceError, InvalidInputError
 from .inc import INC
 from .loop import close_loop
@@ -15,7 +16,7 @@ from .plant import Plant, as_plant
 
 
 @dataclass(frozen=True, eq=False)
-class Trajectory:
+class Trajectory(Brief):
     """Closed-loop motions: t (T+1,), x (n, T+1), u (m, T+1), eta (q, T+1); from N starting points (n, N, T+1) and so on.
 
     u and eta are those the controller answers at each listed instant.

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import ArrayLike
 
 from .arrays import Array, number, symmetric
+from .brief import Brief
 from .errors import DimensionError, InvalidInputError
 from .plant import as_plant
 from .sets import Box, Distribution, Polytope, Set, as_distribution
 
 
 @dataclass(frozen=True, eq=False)
-class Spec:
+class Spec(Brief):
     """The specification of a control problem, read by claims, bounds and `synthesize`.
 
     Minimize J = E sum_k discount^k (x_k'Q x_k + u_k'R u_k) over the distribution of x_0, with u_k in `inputs` at all

@@ -10,6 +10,7 @@ from .activations import Activation
 from .activations.base import Pieces
 from .activations.stack import Units, groups, slopes
 from .arrays import Array
+from .brief import Brief
 from .errors import NotWellPosedError
 
 STEP_SIZES = 9  # tried between 1/L_F and 1/m
@@ -17,7 +18,7 @@ ROOT_STEPS = 200  # bisection alone needs about 60
 
 
 @dataclass(frozen=True, eq=False)
-class Splitting:
+class Splitting(Brief):
     """The operators of one W, ready for any number of c, and the factor by which an iteration contracts.
 
     With phi(z) = Lz + psi(z), A = I - LW, G = S - L and v = psi(z), the fixed point solves 0 in F v - g + df(v), where

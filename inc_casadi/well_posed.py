@@ -8,11 +8,12 @@ import numpy as np
 
 from . import exact, monotone
 from .arrays import Array
+from .brief import Brief
 from .monotone import Multiplier, Slopes
 
 
 @dataclass(frozen=True, eq=False)
-class WellPosedness:
+class WellPosedness(Brief):
     """The Perron-Frobenius test of thm:wellposed and, when it fails, a multiplier T. Sufficient, not necessary.
 
     With S the diagonal of the units' largest absolute slopes, |phi(r) - phi(s)| <= S |r - s|. If

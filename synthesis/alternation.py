@@ -12,6 +12,7 @@ import numpy as np
 
 from inc_casadi import lmi_search
 from inc_casadi.arrays import number
+from inc_casadi.brief import Brief
 from inc_casadi.certificate import MatrixCertificate
 from inc_casadi.claims import DiscountedCost
 from inc_casadi.claims.base import Claim
@@ -35,13 +36,14 @@ MOST_UNKNOWNS = 250  # of a rung that "auto" climbs to
 
 
 @dataclass(frozen=True, eq=False)
-class Alternation:
+class Alternation(Brief):
     """What `alternate` returns.
 
     inc, certificate: the law with the least certified bound and its certificate, which holds unless none was found at all;
     start_bound: the certified bound of the start, infinite where none was found; status: how the search ended, in words;
-    seconds: wall time; history: one dict(round, phase, rung, bound, trial, accepted, radius, seconds) per round: the bound
-    after it and the one that was tried; phase is "cost", or "feasibility" with bounds for a future that fades faster.
+    seconds: wall time; history: one dict(round, phase, rung, bound, trial, accepted, radius, law, seconds) per round: the
+    bound after it and the one that was tried; the law that was accepted, or None; phase is "cost", or "feasibility" with
+    bounds for a future that fades faster.
     """
 
     inc: INC
@@ -58,10 +60,13 @@ class Alternation:
             return 0.0
         return 1.0 - self.certificate.bound / self.start_bound
 
-    def plot(self, path: str | Path | None = None) -> Any:
-        """Return a Matplotlib figure of the certified bound by round and of what was tried, written to `path` if given."""
+    def plot(self, path: str | Path | None = None, **options: Any) -> Any:
+        """Return a Matplotlib figure of the certified bound by round and of what was tried, written to `path` if given.
+
+        options: `width` and `dpi` of `inc_casadi.plotting.plot_alternation`.
+        """
         from inc_casadi.plotting import plot_alternation
-        return plot_alternation(self, path)
+        return plot_alternation(self, path, **options)
 
 
 def alternate(plant: Any, inc: INC, claim: Claim, *, kappa: float = 0.95, multiplier: str | Multiplier = "auto",

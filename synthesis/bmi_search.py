@@ -82,7 +82,7 @@ class Search:
             stalls += trial is not None and abs(trial.value - point.value) <= GAIN * point.value
             row = {"round": len(self.history), "phase": phase, "rung": graph.inequalities.multiplier.name,
                    "bound": point.value, "trial": np.inf if trial is None else trial.value, "accepted": accepted,
-                   "radius": radius}
+                   "radius": radius, "law": law if accepted else None}
             radius = min(WIDER * radius, WIDEST) if accepted else NARROWER * radius
             if accepted and trial is not None:
                 point, self.family, accepted_rounds = trial, self.family.about(law), accepted_rounds + 1

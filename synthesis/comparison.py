@@ -12,6 +12,7 @@ from inc_casadi.comparison.families import ANY, LINEAR
 from inc_casadi.comparison.floors import Floor
 from inc_casadi.comparison.laws import bare_row
 from inc_casadi.comparison.row import CERTIFIED, EXACT, SIMULATED, UPPER, Cost, Finding, Row
+from inc_casadi.linear import UnswitchedCost
 from inc_casadi.regional_certificate import RegionalCertificate
 
 if TYPE_CHECKING:
@@ -37,8 +38,9 @@ def _row(result: Result) -> Row:
     row = bare_row(THIS, result.inc)
     certificate, run = result.certificate, result.estimate
     if certificate is not None:
-        exact = (isinstance(certificate, RegionalCertificate) and certificate.gap == 0
-                 and bool(np.isfinite(certificate.expected)))
+        exact = isinstance(certificate, UnswitchedCost) and certificate.gap == 0 or (
+            isinstance(certificate, RegionalCertificate) and certificate.gap == 0
+            and bool(np.isfinite(certificate.expected)))
         words = certificate.sentence
         return replace(row, limits=Finding(CERTIFIED, "accepted by the gate"), worst=result.worst,
                        cost=Cost(certificate.bound, EXACT if exact else UPPER, 0.0, certificate, words))

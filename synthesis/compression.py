@@ -9,6 +9,7 @@ import numpy as np
 
 from inc_casadi.activations import Activation, ReLU
 from inc_casadi.arrays import Array
+from inc_casadi.brief import Brief
 from inc_casadi.errors import InvalidInputError
 from inc_casadi.inc import INC
 from inc_casadi.linear.regulator import discounted_lqr
@@ -29,7 +30,7 @@ NEARLY = 1e-9  # an input at the origin below this is rounding
 
 
 @dataclass(frozen=True, eq=False)
-class Compression:
+class Compression(Brief):
     """A small law made from a large one. Nothing about it is proved but its well-posedness.
 
     inc: with the input limits built in, at rest at the origin exactly where it can be (`resting`); inner: without;

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,9 @@ from inc_casadi.spec import Spec
 from .ball import balanced, row_bound
 from .collocation_search import LEVELS, minimize_collocated
 from .continuous_setup import COARSE, FINE, ContinuousSetup, continuous_setup
+from .phase_log import PhaseLog
 from .rollout import Parameters
-from .training import Training
+from .training import Training, ended
 from .training_options import check_start
 
 _GAIN = 1e-6  # relative; a smaller gain is within the error of the integrator, and the start is the simpler law
@@ -92,51 +94,23 @@ def train_continuous(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95,
     problem = continuous_setup(plant, spec, start, kappa=kappa, horizon=horizon, steps=steps, degree=degree, order=order,
                                anchored=anchored, frozen=frozen, seed=seed)
     iterations = whole("max_iterations", max_iterations, 0)
-    laws, history, status = _phases(problem, Parameters.of(start), iterations, began, limit, progress)
-    return _best(problem, Parameters.of(start), laws, history, status, began)
+    log = PhaseLog(began, limit, progress)
+    laws = _phases(problem, Parameters.of(start), iterations, log)
+    judged = [(problem.judge(law), np.zeros(0), np.zeros(0)) for law in laws]
+    return ended(log, laws, judged, problem.base.inner, problem.base.box, gain=_GAIN, form="collocated")
 
 
-def _phases(problem: ContinuousSetup, law: Parameters, iterations: int, began: float, limit: float,
-            progress: Callable[[dict[str, Any]], None] | None) -> tuple[list[Parameters], list[dict[str, Any]], str]:
-    """Return the laws that the phases end with, each beginning where the last one ended, with history and status."""
-    laws: list[Parameters] = []
-    history: list[dict[str, Any]] = []
-    status = "nothing searched"
+def _phases(problem: ContinuousSetup, law: Parameters, iterations: int, log: PhaseLog) -> list[Parameters]:
+    """Return the law that is begun with and those that the phases end with, each beginning where the last one ended."""
+    laws = [law]
     phases = (("coarse", COARSE, iterations, LEVELS), ("fine", FINE, (iterations + 1) // 2, LEVELS[1:]))
     for name, budget, share, levels in phases:
-        begun = time.perf_counter() - began
-        if status == "interrupted" or share == 0 or begun >= limit:
+        if log.is_over or share == 0:
             break
-
-        def row(iteration: int, cost: float, seconds: float, name: str = name, begun: float = begun) -> dict[str, Any]:
-            return {"phase": name, "iteration": iteration, "cost": cost, "seconds": begun + seconds}
-
-        def report(iteration: int, cost: float, seconds: float, row: Callable[..., dict[str, Any]] = row) -> None:
-            if progress is not None:
-                progress(row(iteration, cost, seconds))
-
-        outcome = minimize_collocated(problem.form(budget, problem.steps), law, gain=problem.base.gain, levels=levels,
-                                      watched=problem.watched(problem.steps), max_iterations=share, progress=report,
-                                      time_limit=None if np.isinf(limit) else limit - begun)
-        status = outcome.status
-        history += [row(*values) for values in outcome.history]
-        law = problem.base.settled(outcome.law)
-        laws.append(law)
-    return laws, history, status
-
-
-def _best(problem: ContinuousSetup, start: Parameters, laws: list[Parameters], history: list[dict[str, Any]], status: str,
-          began: float) -> Training:
-    """Return the cheapest of start and laws by the true cost on unseen nodes."""
-    costs = np.array([problem.judge(law) for law in (start, *laws)])
-    handicap = np.where(np.arange(costs.size) == 0, 1.0 - _GAIN, 1.0)
-    best = int(np.argmin(costs * handicap))
-    inner, box = problem.base.inner((start, *laws)[best]), problem.base.box
-    return Training(
-        inc=inner if box is None else inner.with_saturated_output(box), inner=inner, cost=float(costs[best]),
-        start_cost=float(costs[0]), violation=0.0, iterations=sum(row["iteration"] > 0 for row in history),
-        status=status if best else f"the start is kept ({status})", seconds=time.perf_counter() - began,
-        history=tuple(history), form="collocated")
+        solve = partial(minimize_collocated, problem.form(budget, problem.steps), laws[-1], gain=problem.base.gain,
+                        levels=levels, watched=problem.watched(problem.steps), max_iterations=share)
+        laws.append(problem.base.settled(log.entered(name, solve)))
+    return laws
 
 
 def _check(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[str]) -> None:

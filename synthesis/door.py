@@ -12,6 +12,7 @@ import numpy as np
 from inc_casadi import INC, Plant, Spec, bounds
 from inc_casadi.activations import Activation
 from inc_casadi.arrays import number
+from inc_casadi.brief import Brief
 from inc_casadi.errors import DimensionError, InfeasibleError, InvalidInputError, NotStabilizableError
 from inc_casadi.plant import as_plant
 
@@ -19,7 +20,7 @@ OWN = ("kappa", "frozen", "form", "max_iterations", "time_limit", "progress", "s
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class Problem(Brief):
     """A plant in discrete time, its spec per step, and what to say about where they come from."""
 
     plant: Plant

@@ -8,13 +8,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from inc_casadi.brief import Brief
+
 from .rollout import Parameters
 
 Progress = Callable[[int, float, float], None]
 
 
 @dataclass(frozen=True, eq=False)
-class Outcome:
+class Outcome(Brief):
     """The best law that a search accepted, its status in words, and (iteration, cost, seconds) per step."""
 
     law: Parameters

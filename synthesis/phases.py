@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from inc_casadi.arrays import Array
 
 from .objective import Objective
 from .outcome import Outcome
+from .phase_log import PhaseLog
 from .rollout import Parameters, Scenario, roll
 from .training_nodes import COARSE, FINE, LIFTED_COARSE, LIFTED_FINE
 from .training_setup import Setup
@@ -41,23 +41,14 @@ class Form:
         return (LIFTED_COARSE, LIFTED_FINE) if self.name == "lifted" else (COARSE, FINE)
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class Search:
-    """The phases of one training, with what they have come to so far."""
+    """The phases of one training, each at most `max_iterations` long; the log holds what they have come to so far."""
 
     setup: Setup
     form: Form
     max_iterations: int
-    began: float
-    limit: float
-    progress: Callable[[dict[str, Any]], None] | None
-    status: str = "nothing searched"
-    history: list[dict[str, Any]] = field(default_factory=list)
-
-    @property
-    def seconds(self) -> float:
-        """Wall time since the training began."""
-        return time.perf_counter() - self.began
+    log: PhaseLog
 
     def run(self, law: Parameters) -> list[Parameters]:
         """Return the laws that the phases end with, each phase beginning where the last one ended."""
@@ -73,7 +64,7 @@ class Search:
         if not begun <= _POOR * self.setup.scale and self.form.name != "lifted":
             phases.insert(0, ("short", coarse, SHORT_ITERATIONS))
         for name, budget, iterations in phases:
-            if self.status == "interrupted" or iterations == 0 or self.seconds >= self.limit:
+            if self.log.is_over or iterations == 0:
                 break
             found = self.setup.settled(self._phase(name, budget, margin, beside, law, iterations))
             if name == "short" and np.isfinite(begun) and roll(self.setup.scenario(coarse), found).cost >= begun:
@@ -91,20 +82,7 @@ class Search:
         return laws
 
     def _phase(self, name: str, budget: int, margin: Array, beside: Array, law: Parameters, iterations: int) -> Parameters:
-        begun = self.seconds
-
-        def row(iteration: int, cost: float, seconds: float) -> dict[str, Any]:
-            return {"phase": name, "iteration": iteration, "cost": cost, "seconds": begun + seconds}
-
-        def report(iteration: int, cost: float, seconds: float) -> None:
-            if self.progress is not None:
-                self.progress(row(iteration, cost, seconds))
-
-        outcome = self._solved(name, budget, margin, beside, law, max_iterations=iterations, progress=report,
-                               time_limit=None if np.isinf(self.limit) else self.limit - begun)
-        self.status = outcome.status
-        self.history += [row(*values) for values in outcome.history]
-        return outcome.law
+        return self.log.entered(name, partial(self._solved, name, budget, margin, beside, law, max_iterations=iterations))
 
     def _solved(self, name: str, budget: int, margin: Array, beside: Array, law: Parameters, **options: Any) -> Outcome:
         inputs, states = self.setup.split(margin)

@@ -6,6 +6,7 @@ import numpy as np
 
 from inc_casadi.comparison.statements import clauses
 from inc_casadi.figures import at_least, at_most
+from inc_casadi.linear import UnswitchedCost
 from inc_casadi.regional_certificate import RegionalCertificate
 
 from .comparison import THIS
@@ -67,7 +68,7 @@ def _costs(result: Result) -> list[tuple[str, str]]:
         rows.append(("certified expected cost", _exact(result)))
     if np.isfinite(result.worst):
         where = ""
-        if isinstance(result.certificate, RegionalCertificate):
+        if isinstance(result.certificate, RegionalCertificate | UnswitchedCost):
             where = f", from x0 = {np.round(result.certificate.worst[1], 4).tolist()}"
         rows.append(("certified worst cost over the set", f"at most {at_most(result.worst)}{where}"))
     run = result.estimate
@@ -84,6 +85,8 @@ def _exact(result: Result) -> str:
     words = f"at most {at_most(result.cost)}"
     if isinstance(result.certificate, RegionalCertificate) and np.isfinite(result.certificate.expected):
         words += f" (exact up to rounding: {result.certificate.expected:.8f})"
+    if isinstance(result.certificate, UnswitchedCost) and result.certificate.gap == 0:
+        words += f" (exact up to rounding: {result.certificate.cost:.8f})"
     return words
 
 

@@ -11,11 +11,13 @@ import numpy as np
 
 from inc_casadi import INC, Plant, Spec
 from inc_casadi.bounds import Bound
+from inc_casadi.brief import Brief
 from inc_casadi.certificate import Certificate, Proof
 from inc_casadi.comparison import Comparison
 from inc_casadi.ellipsoidal_region import EllipsoidalRegion
 from inc_casadi.errors import NotCertifiedError
 from inc_casadi.estimate import Estimate
+from inc_casadi.linear import ClippedCost, UnswitchedCost
 from inc_casadi.regional_certificate import RegionalCertificate
 
 from .gate import Verdict
@@ -24,7 +26,7 @@ CERTIFIED, EVIDENCE, FAILED = "certified", "simulation evidence", "failed"
 
 
 @dataclass(frozen=True, eq=False)
-class Attempt:
+class Attempt(Brief):
     """One candidate: how it was made, the law, the gate's verdict, the simulation, the seconds it took.
 
     training: (seconds, cost) as the training went, empty when nothing was trained; inner: the law without its input limits;
@@ -52,7 +54,7 @@ class Attempt:
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
+class Result(Brief):
     """The outcome of `synthesize`. `print(result)` shows the table of an engineer, `result.plot()` the pictures.
 
     inc: the controller, the best candidate when none passed, None when there was no candidate; status: "certified",
@@ -95,9 +97,11 @@ class Result:
 
     @property
     def worst(self) -> float:
-        """The certified largest cost over the initial set, NaN when no regional proof states one."""
-        if self.status == CERTIFIED and isinstance(self.certificate, RegionalCertificate | EllipsoidalRegion):
-            return self.certificate.worst_bound
+        """The certified largest cost over the initial set, NaN when no certificate about that set states one."""
+        stated = self.certificate
+        kinds = RegionalCertificate | EllipsoidalRegion | UnswitchedCost | ClippedCost
+        if self.status == CERTIFIED and isinstance(stated, kinds):
+            return stated.worst_bound
         return np.nan
 
     def require(self) -> Result:
@@ -116,15 +120,21 @@ class Result:
         from .comparison import compared
         return compared(self)
 
-    def plot(self, path: str | Path | None = None) -> Any:
-        """Return a Matplotlib figure of trajectories, inputs, regions and bounds; written to `path` when given."""
-        from inc_casadi.plotting import plot_result
-        return plot_result(self, path)
+    def plot(self, path: str | Path | None = None, **options: Any) -> Any:
+        """Return a Matplotlib figure of trajectories, inputs, regions and bounds; written to `path` when given.
 
-    def plot_search(self, path: str | Path | None = None) -> Any:
-        """Return a Matplotlib figure of what was tried, when, and at what cost; written to `path` when given."""
+        options: `width` and `dpi` of `inc_casadi.plotting.plot_result`.
+        """
+        from inc_casadi.plotting import plot_result
+        return plot_result(self, path, **options)
+
+    def plot_search(self, path: str | Path | None = None, **options: Any) -> Any:
+        """Return a Matplotlib figure of what was tried, when, and at what cost; written to `path` when given.
+
+        options: `width` and `dpi` of `inc_casadi.plotting.plot_training`.
+        """
         from inc_casadi.plotting import plot_training
-        return plot_training(self, path)
+        return plot_training(self, path, **options)
 
     def save(self, path: str | Path) -> None:
         """Write plant, specification, controller and certificate to a JSON file; `load_result` reads it."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from inc_casadi import INC, Plant, Spec, load, save
 from inc_casadi.bounds import Bound
+from inc_casadi.brief import Brief
 from inc_casadi.certificate import Certificate
 from inc_casadi.comparison.families import ANY, LINEAR
 from inc_casadi.errors import FormatError
@@ -30,7 +31,7 @@ EMPTY: dict[str, Any] = {"proof": None, "estimate": None, "bounds": {}, "linear"
 
 
 @dataclass(frozen=True, eq=False)
-class SavedResult:
+class SavedResult(Brief):
     """A result read from a file; `print(saved)` shows its table.
 
     Certificate and bounds are recomputed from their numbers whenever they are asked, as in every result. The simulated

@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from inc_casadi.arrays import number
+from inc_casadi.arrays import Array, number
+from inc_casadi.brief import Brief
 from inc_casadi.errors import InvalidInputError
 from inc_casadi.inc import INC
 from inc_casadi.plant import Plant, as_plant
@@ -22,6 +23,7 @@ from inc_casadi.spec import Spec
 
 from .ball import balanced, row_bound
 from .input_box import inscribed_box
+from .phase_log import PhaseLog
 from .phases import Search
 from .rollout import Parameters
 from .training_options import check_start, form_of, settled
@@ -31,7 +33,7 @@ _GAIN = 1e-7  # relative; a smaller gain is noise of the estimate, and the start
 
 
 @dataclass(frozen=True, eq=False)
-class Training:
+class Training(Brief):
     """A trained candidate; nothing about it is proved but its well-posedness.
 
     inc: the law to be used, clipped to the box of inputs (or the bounding box of a polytope) by a saturated readout;
@@ -60,10 +62,13 @@ class Training:
         """Whether the returned law costs less than the start."""
         return self.cost < self.start_cost
 
-    def plot(self, path: str | Path | None = None) -> Any:
-        """Return a Matplotlib figure of cost against iterations and seconds, by phase; written to `path` when given."""
+    def plot(self, path: str | Path | None = None, **options: Any) -> Any:
+        """Return a Matplotlib figure of cost against iterations and seconds, by phase; written to `path` when given.
+
+        options: `width` and `dpi` of `inc_casadi.plotting.plot_training`.
+        """
         from inc_casadi.plotting import plot_training
-        return plot_training(self, path)
+        return plot_training(self, path, **options)
 
 
 def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: int | None = None,
@@ -155,8 +160,11 @@ def train(plant: Any, spec: Spec, start: INC, *, kappa: float = 0.95, horizon: i
     if isinstance(spec.inputs, Polytope) and np.any(problem.split(problem.judge(law)[1])[0] > 0.0):
         # From outside the polytope IPOPT rarely comes in: begin with the start saturated to a box inside.
         problem, law = pose(start.with_saturated_output(inscribed_box(spec.inputs)))
-    search = Search(problem, settled(chosen, problem), whole("max_iterations", max_iterations, 0), began, limit, progress)
-    return _best(search, law, search.run(law))
+    search = Search(problem, settled(chosen, problem), whole("max_iterations", max_iterations, 0),
+                    PhaseLog(began, limit, progress))
+    laws = [law, *search.run(law)]
+    judged = [(cost, *problem.split(rows)) for cost, rows in map(problem.judge, laws)]
+    return ended(search.log, laws, judged, problem.inner, problem.box, gain=_GAIN, form=search.form.name)
 
 
 def _posed(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[str],
@@ -165,23 +173,24 @@ def _posed(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[
     return setup(plant, spec, start, kappa=kappa, frozen=frozen, **options), Parameters.of(start)
 
 
-def _best(search: Search, start: Parameters, laws: list[Parameters]) -> Training:
-    """Return the law that leaves the sets of inputs and states least, and of several the cheapest, on unseen nodes."""
-    problem = search.setup
-    judged = [problem.judge(law) for law in (start, *laws)]
-    excess = [float(np.max(rows, initial=0.0)) for _, rows in judged]
-    costs = np.array([cost for cost, _ in judged])
-    costs[0] *= 1.0 - _GAIN
+def ended(log: PhaseLog, laws: Sequence[Parameters], judged: Sequence[tuple[float, Array, Array]],
+          inner: Callable[[Parameters], INC], box: Box | None, *, gain: float, form: str) -> Training:
+    """Return the training whose law leaves the sets of inputs and states least, and of several such the cheapest.
+
+    laws: the start, then what the phases ended with; judged: for each of them its cost and the largest H u - h and G x - g
+    per half-space, on nodes that no phase saw; inner: makes an INC of a law; box: of inputs, to be built in; gain: share
+    of its cost by which the start must be undercut.
+    """
+    excess = [float(np.max(np.concatenate(parts), initial=0.0)) for _, *parts in judged]
+    costs = np.array([cost for cost, _, _ in judged])
+    costs[0] *= 1.0 - gain
     best = min(range(len(judged)), key=lambda i: (excess[i], costs[i]))
-    inputs, states = problem.split(judged[best][1])
-    inner = problem.inner((start, *laws)[best])
-    status = search.status if best else f"the start is kept ({search.status})"
+    law, (cost, inputs, states) = inner(laws[best]), judged[best]
     return Training(
-        inc=inner if problem.box is None else inner.with_saturated_output(problem.box), inner=inner,
-        cost=judged[best][0], start_cost=judged[0][0], violation=float(np.max(inputs, initial=0.0)),
-        iterations=sum(row["iteration"] > 0 for row in search.history), status=status, seconds=search.seconds,
-        history=tuple(search.history), state_violation=float(np.max(states, initial=0.0)),
-        form=search.form.name)
+        inc=law if box is None else law.with_saturated_output(box), inner=law, cost=cost, start_cost=judged[0][0],
+        violation=float(np.max(inputs, initial=0.0)), iterations=log.iterations,
+        status=log.status if best else f"the start is kept ({log.status})", seconds=log.seconds,
+        history=tuple(log.history), state_violation=float(np.max(states, initial=0.0)), form=form)
 
 
 def _check(plant: Plant, spec: Spec, start: INC, kappa: float, frozen: Sequence[str]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from inc_casadi.arrays import Array, number
+from inc_casadi.brief import Brief
 from inc_casadi.claims.base import Claim
 from inc_casadi.errors import DimensionError
 from inc_casadi.inc import INC
@@ -24,7 +25,7 @@ SAME = 1e-8  # eigenvalues closer than this, relative to the largest magnitude, 
 
 
 @dataclass(frozen=True, eq=False)
-class Violation:
+class Violation(Brief):
     """nu, negative where the inequality holds strictly; its gradient; the condition it is of; how often nu occurs in it."""
 
     value: float

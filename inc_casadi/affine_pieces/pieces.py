@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, matrix, vector
+from ..brief import Brief
 from ..errors import DimensionError, EmptySetError, InvalidInputError
 from ..pieces.regions import Regions
 from ..sets import Box, Polytope
@@ -19,7 +20,7 @@ FLAT = 1e-9  # a region of `Regions` narrower than this share of the whole is ro
 
 
 @dataclass(frozen=True, eq=False)
-class AffinePieces:
+class AffinePieces(Brief):
     """k polytopes in R^p and the affine law u = gain y + offset on each; shapes are kept over z = (y - origin) / widths.
 
     gain (k, m, p), offset (k, m): as given; number (k,): what each piece was called.

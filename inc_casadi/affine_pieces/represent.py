@@ -9,6 +9,7 @@ import numpy as np
 
 from ..activations import ReLU
 from ..arrays import number
+from ..brief import Brief
 from ..errors import ConvergenceError
 from ..inc import INC
 from ..pieces.regions import Regions
@@ -27,7 +28,7 @@ DRAWS = 2000  # random points at which the INC is compared with the law
 
 
 @dataclass(frozen=True, eq=False)
-class Representation:
+class Representation(Brief):
     """The INC of a piecewise-affine law, and what is known of it.
 
     inc: W strictly lower triangular; jump: the largest difference of the laws of two pieces where they meet; error: how far

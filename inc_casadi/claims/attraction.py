@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, matrix, number, symmetric
+from ..brief import Brief
 from ..errors import DimensionError, InvalidInputError
 from ..inc import INC
 from ..plant import Plant
@@ -18,7 +19,7 @@ SHAPES = ("volume", "reach", "mean")
 
 
 @dataclass(frozen=True, eq=False)
-class Attraction:
+class Attraction(Brief):
     """Every motion from an ellipsoid E around the equilibrium x* stays in it, within limits, and converges. Sufficient.
 
     With e = x - x*, V(e) = e'P e and E = {V <= 1}, for every start in E:

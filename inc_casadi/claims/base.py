@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import Any
 
+from ..brief import Brief
 from ..inc import INC
 from ..loop import ClosedLoop
 from ..multipliers.base import Multiplier, Unknown
@@ -17,7 +18,7 @@ Graphs = Mapping[str, ClosedLoop]
 DECREASE, POSITIVE = "decrease", "positive"
 
 
-class Claim(ABC):
+class Claim(Brief, ABC):
     """A statement about every motion of a loop, with the matrix inequalities that it follows from.
 
     The theorem behind a claim reads: if the controller is well posed, the multiplier is sound (`Multiplier`), `obstacle`
@@ -95,6 +96,13 @@ class Claim(ABC):
     def ceiling(self, loop: ClosedLoop) -> float:
         """Return a level that no certificate can reach."""
         raise NotImplementedError
+
+    def growth(self, discrete: bool) -> float | None:
+        """Return what motions may grow by at most while the claim is true, or None where that is not about the plant alone.
+
+        A factor per step, or a rate in 1/s in continuous time: 1 or 0 for whatever makes motions converge.
+        """
+        return None if self.uncertain or self.compound else 1.0 if discrete else 0.0
 
     def obstacle(self, plant: Plant, inc: INC, *, exactly: bool = False) -> str | None:
         """Return why the claim would not follow from its conditions, or None; `exactly` allows no tolerance."""

@@ -95,6 +95,10 @@ class DeviationCost(Claim):
                 f"most (x0 - x*)'{name} (x0 - x*), and its expectation over the initial distribution is at most "
                 f"{at_most(self.bound(loop, values))}.")
 
+    def growth(self, discrete: bool) -> float:
+        """Return that of `DiscountedCost`."""
+        return self._cost.growth(discrete)
+
     def obstacle(self, plant: Plant, inc: INC, *, exactly: bool = False) -> str | None:
         """Return a sentence when no equilibrium is found."""
         try:

@@ -75,8 +75,8 @@ class L2Gain(Claim):
         loop = loop.with_inputs(self.E, self.D)
         refusal = multiplier.refusal(loop)
         if refusal is None and multiplier.step(loop).about != loop.about:
-            return (f"an incremental gain compares two motions, but the {multiplier.name} multiplier speaks of deviations "
-                    "from an equilibrium")
+            return ("the controller is biased, so its gain is incremental and compares two motions, but the "
+                    f"{multiplier.name} multiplier speaks of deviations from an equilibrium")
         return refusal
 
     def graphs(self, loop: ClosedLoop, multiplier: Multiplier) -> dict[str, ClosedLoop]:

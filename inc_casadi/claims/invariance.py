@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..arrays import Array
+from ..brief import Brief
 from ..errors import DimensionError, InvalidInputError
 from ..plant import Plant
 from ..sets import Box, Polytope
@@ -16,7 +17,7 @@ Number = Callable[[Array], Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Rows:
+class Rows(Brief):
     """Half-spaces E x + G u <= t over a state and the input at it: E (k, n), G (k, m), t (k,)."""
 
     E: Array
@@ -25,7 +26,7 @@ class Rows:
 
 
 @dataclass(frozen=True, eq=False)
-class Invariance:
+class Invariance(Brief):
     """For every x of a region X: pi(C x) lies in U and A x + B pi(C x) lies in X (eq:regional_input_check).
 
     Both are half-spaces: H_u u <= h_u, and H (A x + B u) <= h with X = {x: H x <= h}. A motion that starts in X then
@@ -81,7 +82,7 @@ class Invariance:
 
 
 @dataclass(frozen=True, eq=False)
-class Slacks:
+class Slacks(Brief):
     """What a method found about t - (E x + G u) over the region, row by row.
 
     least (k,): a lower bound on it, -inf when there is none; how reliable it is depends on the method. reached (k,): the

@@ -88,6 +88,10 @@ class Margins(Claim):
         """Return 2."""
         return 2.0
 
+    def growth(self, discrete: bool) -> float:
+        """Return 1 or 0: the plant itself is in the disk, so its loop must be stable."""
+        return 1.0 if discrete else 0.0
+
     def sentence(self, loop: ClosedLoop, values: Mapping[str, Any]) -> str:
         """Return the promise with its margins."""
         return self._robust.sentence(loop, values)

@@ -131,6 +131,10 @@ class DiscountedCost(Claim):
         return (f"From every initial state x0 the discounted cost is at most x0'{name} x0, and its expectation over the "
                 f"initial distribution is at most {at_most(self.bound(loop, values))}.")
 
+    def growth(self, discrete: bool) -> float:
+        """Return 1 / sqrt(discount), or half the rate at which costs to come lose their weight."""
+        return float(self.discount**-0.5) if discrete else decay(self.discount) / 2
+
     def obstacle(self, plant: Plant, inc: INC, *, exactly: bool = False) -> str | None:
         """Return a sentence when u = 0 at x = 0 is not established: the cost is then counted from x*, not from 0.
 
@@ -138,7 +142,8 @@ class DiscountedCost(Claim):
         """
         if inc.preserves_origin:
             return None
-        counted = "so the bound counts the cost from the equilibrium x*, not from the origin"
+        counted = ("so the bound counts the cost from the equilibrium x*, not from the origin: ask for DeviationCost, or "
+                   "take u at x = 0 off d")
         if exactly or self.discount == 1.0:
             rest = rest_output(inc)
             if rest is None:

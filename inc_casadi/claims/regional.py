@@ -7,13 +7,14 @@ from dataclasses import dataclass
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, number, symmetric
+from ..brief import Brief
 from ..errors import DimensionError, InvalidInputError
 from ..plant import Plant
 from ..sets import Box, Polytope, Uniform
 
 
 @dataclass(frozen=True, eq=False)
-class Regional:
+class Regional(Brief):
     """From every x0 of a polytope: inputs within limits, convergence, and the exact discounted cost.
 
     Promise: for every x0 in the support of `initial`, every input of the motion lies in `inputs`, the motion converges

@@ -17,7 +17,8 @@ from ..uncertainty import Uncertainty
 from .base import DECREASE, Claim, Graphs
 
 NOT_BIASED = ("it is about the origin of an uncertain plant, so the controller must preserve it (b = 0, d = 0, "
-              "phi(0) = 0): a biased loop rests elsewhere for each plant")
+              "phi(0) = 0): a biased loop rests elsewhere for each plant. Claim it of each plant by itself, or take the "
+              "biases out")
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,6 +87,12 @@ class Stability(Claim):
         rate = self.bound(loop, values)
         return 1.0 - rate if loop.plant.discrete else rate
 
+    def growth(self, discrete: bool) -> float:
+        """Return rho, or -alpha / 2, for V is of second degree; 1 or 0 when no rate is named."""
+        if self.rate is None:
+            return 1.0 if discrete else 0.0
+        return self.rate if discrete else -self.rate / 2
+
     @property
     def sums(self) -> bool:
         """Whether no rate is named."""

@@ -115,6 +115,10 @@ class Together(Claim):
         """Return the first obstacle of any claim."""
         return next((why for claim in self.claims if (why := claim.obstacle(plant, inc, exactly=exactly))), None)
 
+    def growth(self, discrete: bool) -> float | None:
+        """Return the least that any of the claims allows."""
+        return min((found for claim in self.claims if (found := claim.growth(discrete)) is not None), default=None)
+
     @property
     def _leading(self) -> int:
         return next((i for i, claim in enumerate(self.claims) if not claim.yes_or_no), 0)

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from ..brief import Brief
 from ..certificate import Proof
 from ..errors import INCError, InvalidInputError
 from ..figures import at_least, at_most
@@ -41,7 +42,7 @@ class Inversion:
 
 
 @dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(Brief):
     """What `compare` returns; `print(comparison)` shows table, lower bounds and sentences, `.plot()` the chart.
 
     A controller is separated from a class when its certified cost is below the class's lower bound
@@ -153,10 +154,13 @@ class Comparison:
         from .plain import plain_rows
         return plain_rows(self)
 
-    def plot(self, path: str | Path | None = None) -> Any:
-        """Return a Matplotlib figure of costs and of what no member of each class can reach; written to `path` if given."""
+    def plot(self, path: str | Path | None = None, **options: Any) -> Any:
+        """Return a Matplotlib figure of costs and of what no member of each class can reach; written to `path` if given.
+
+        options: `width` and `dpi` of `inc_casadi.plotting.plot_comparison`.
+        """
         from ..plotting.comparison_figure import plot_comparison
-        return plot_comparison(self, path)
+        return plot_comparison(self, path, **options)
 
 
 def label(floor: Floor) -> str:

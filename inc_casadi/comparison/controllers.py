@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ..arrays import Array, matrix
+from ..brief import Brief
 from ..dynamic import DynamicINC
 from ..errors import DimensionError, INCError, InvalidInputError
 from ..inc import INC
@@ -30,7 +31,7 @@ _USERS = (INCError, ArithmeticError, AttributeError, LookupError, TypeError, Val
 
 
 @dataclass(frozen=True, eq=False)
-class CallableLaw:
+class CallableLaw(Brief):
     """A law y -> u of which nothing is known but its answers: columns (p, N) to columns (m, N).
 
     Raises

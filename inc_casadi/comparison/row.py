@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from math import inf, nan
 from typing import Any, Protocol
 
+from ..brief import Brief
 from ..certificate import Proof
 from .families import ANY, Family
 
@@ -33,7 +34,7 @@ class Finding:
 
 
 @dataclass(frozen=True, eq=False)
-class Cost:
+class Cost(Brief):
     """The expected discounted cost of a controller.
 
     Parameters
@@ -56,7 +57,7 @@ UNASKED, NO_LIMITS = Finding(OPEN, "not examined"), Finding(CERTIFIED, "there ar
 
 
 @dataclass(frozen=True, eq=False)
-class Row:
+class Row(Brief):
     """One controller of a comparison.
 
     Parameters

@@ -7,17 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from ..certificate import posed_values
+from ..certificate_values import posed_values
 from ..claims.attraction import Attraction
 from ..ellipsoid_certificate import NO_REST, EllipsoidCertificate
 from ..errors import InvalidInputError
+from ..hindrance import linearization, point, too_fast
 from ..inc import INC
-from ..loop import close_loop
+from ..loop import ClosedLoop, close_loop
 from ..plant import as_plant
 from .base import LocalMethod, Setting
 from .lines import lines
 from .methods import METHODS, method_of
-from .rest import rest_of
+from .rest import Rest, rest_of
 
 MOST_ROWS = 40  # n + q up to which "auto" tries the dead zone's cone program
 
@@ -51,9 +52,21 @@ def certify_attraction(plant: Any, inc: INC, claim: Attraction, method: str = "a
     if rest is None:
         return EllipsoidCertificate(plant, inc, claim, methods[0].name, {}, NO_REST)
     setting = Setting(loop, claim, rest)
+    repelled = _repelled(loop, rest)
+    if repelled and (len(methods) > 1 or not methods[0].applies(setting)):
+        return EllipsoidCertificate(plant, inc, claim, methods[0].name, {}, repelled)
     found = [_skipped(way, setting) or _with(way, setting) if len(methods) > 1 else _with(way, setting) for way in methods]
     best = max(found, key=_strength)
     return replace(best, note="; ".join(f"{one.method}: {_outcome(one)}" for one in found))
+
+
+def _repelled(loop: ClosedLoop, rest: Rest) -> str:
+    """Why the equilibrium attracts no neighbourhood, by the linearization there; empty where that tells nothing."""
+    found = linearization(loop.plant, loop.inc, rest.center)
+    if found is None:
+        return ""
+    trouble = too_fast(loop.plant, found[0], 1.0 if loop.plant.discrete else 0.0)
+    return f"the equilibrium {point(found[1])} does not attract: its linearization has {trouble}" if trouble else ""
 
 
 def _skipped(way: LocalMethod, setting: Setting) -> EllipsoidCertificate | None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..blocks import exact, hstack, vstack
-from ..certificate import smallest_eigenvalue, with_sign
+from ..definite import smallest_eigenvalue, with_sign
 from ..errors import InvalidInputError
 from ..readings import Rational, Rounded
 from ..sets import Distribution, Ellipsoid

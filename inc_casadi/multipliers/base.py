@@ -11,6 +11,7 @@ import numpy as np
 
 from ..arrays import Array
 from ..blocks import exact
+from ..brief import Brief
 from ..errors import InvalidInputError
 from ..loop import ClosedLoop
 from ..readings import Reading
@@ -19,7 +20,7 @@ KINDS = ("symmetric", "nonnegative", "free", "symmetric_nonnegative")
 
 
 @dataclass(frozen=True, eq=False)
-class Unknown:
+class Unknown(Brief):
     """A matrix or vector that a solver looks for.
 
     kind: "symmetric"; "nonnegative", entry by entry; "free"; "symmetric_nonnegative", both. Positive definiteness is no

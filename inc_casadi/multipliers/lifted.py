@@ -59,7 +59,7 @@ class Lifted(Multiplier):
         if kinked_rows(loop) or loop.about != "origin":
             refusal = Relu().refusal(loop)
             if refusal:
-                return refusal
+                return refusal.replace("the relu multiplier needs", "the lifted multiplier of a biased loop needs")
             loop = about_rest(loop)
         return lifting_obstacle(loop, self.ahead)
 

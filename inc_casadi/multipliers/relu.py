@@ -10,14 +10,13 @@ import numpy as np
 
 from ..blocks import diag, he
 from ..errors import InvalidInputError
-from ..exact_rest import rest_point
+from ..exact_rest import LARGEST, rest_point
 from ..loop import ClosedLoop
 from .atoms import all_atoms, kinked_rows, parts_of
 from .base import Multiplier, Unknown, constant
 from .slope import slope_matrix, slope_signs, slope_unknowns
 
-NO_REST = ("a biased loop can be looked at about its equilibrium only when that is known in rational arithmetic, and none "
-           "was found: a unit is curved, the loop is large, or it has no equilibrium")
+NO_REST = "a biased loop can be looked at about its equilibrium only when that is known in rational arithmetic, and "
 
 
 @dataclass(frozen=True)
@@ -61,8 +60,9 @@ class Relu(Multiplier):
     def refusal(self, loop: ClosedLoop) -> str | None:
         """Return a sentence when no unit has a kink, or when the equilibrium of a biased loop is not known exactly."""
         if not kinked_rows(loop):
-            return "the relu multiplier needs a hidden unit with a kink, and the loop has none"
-        return NO_REST if loop.about == "difference" and rest_point(loop.plant, loop.inc) is None else None
+            kinds = ", ".join(sorted({repr(unit) for unit in loop.inc.activations})) or "no hidden units"
+            return f"the relu multiplier needs a hidden unit with a kink, and the loop has none ({kinds})"
+        return no_rest(loop) if loop.about == "difference" and rest_point(loop.plant, loop.inc) is None else None
 
     def widened(self, loop: ClosedLoop) -> ClosedLoop:
         """Return the loop about its equilibrium, with a column for each kink beyond a unit's first."""
@@ -120,13 +120,23 @@ class Relu(Multiplier):
         return {"w g* - N_g g*": partnered @ paid, **found}
 
 
+def no_rest(loop: ClosedLoop) -> str:
+    """Return why the equilibrium of a biased loop is not known in rational arithmetic, given that it is not."""
+    curved = [i for i, unit in enumerate(loop.inc.activations) if unit.pieces is None]
+    if curved:
+        return f"{NO_REST}hidden unit {curved[0]} is curved: {loop.inc.activations[curved[0]]}"
+    if loop.n + loop.q > LARGEST:
+        return f"{NO_REST}n + q = {loop.n + loop.q} is more than {LARGEST}, which takes too long"
+    return f"{NO_REST}none was found"
+
+
 def about_rest(loop: ClosedLoop) -> ClosedLoop:
     """Return the loop with its deviations counted from the equilibrium where biases move it."""
     if loop.about != "difference":
         return loop
     point = rest_point(loop.plant, loop.inc)
     if point is None:
-        raise InvalidInputError(NO_REST)
+        raise InvalidInputError(no_rest(loop))
     return replace(loop, about="rest", center=point.z)
 
 

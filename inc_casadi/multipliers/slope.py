@@ -52,8 +52,13 @@ class Slope(Multiplier):
         """Return a sentence when no two rows share a function: then the sector multiplier says the same."""
         if np.any(alike(loop, range(len(loop.units)))):
             return None
-        why = " for differences of two motions" if loop.about == "difference" else ""
-        return f"the slope multiplier needs two hidden units of one function, and the loop has none{why}"
+        if loop.q < 2:
+            return f"the slope multiplier links hidden units of one function, and the loop has {loop.q} of them in all"
+        if loop.about == "difference":
+            return ("the slope multiplier links hidden units of one function, and about the equilibrium of a biased loop "
+                    "(b, d or phi(0) is not 0) no two units have one")
+        kinds = ", ".join(sorted({repr(unit) for unit in loop.inc.activations}))
+        return f"the slope multiplier links hidden units of one function, and no two of {kinds} are one"
 
     def unknowns(self, loop: ClosedLoop) -> tuple[Unknown, ...]:
         """Return r (k,), O (k, k), E (k, k) and Lambda, those that have entries."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from ..activations.stack import lipschitz, slopes
 from ..arrays import Array
+from ..brief import Brief
 from ..errors import ConvergenceError, NotWellPosedError
 from ..fixed_point import feedforward_levels
 from ..inc import INC
@@ -88,7 +89,7 @@ class Law:
 
 
 @dataclass(frozen=True, eq=False)
-class Enclosure:
+class Enclosure(Brief):
     """For each of N cells: a box of states [low, high] (N, n) that holds it; eta and z = W eta + U C x + b on it, (N, q)."""
 
     low: Array

@@ -17,7 +17,8 @@ WIDE = 30.0  # ratio of bounds from which on the axis is logarithmic
 TAKEN, DAMPED, NONE = "accepted", "refused, the step is damped", "refused: no certificate"
 
 
-def plot_alternation(alternation: Any, path: str | Path | None = None) -> Figure:
+def plot_alternation(alternation: Any, path: str | Path | None = None, *, width: float | None = None,
+                     dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of the BMI loop: its certified bound round by round, and the radius of its steps.
 
     Above: the bound after each round as a staircase that never rises within a rung; full circles are trials that were
@@ -28,6 +29,7 @@ def plot_alternation(alternation: Any, path: str | Path | None = None) -> Figure
 
     alternation: what `alternate` returned, or anything with `history` of dict(round, phase, rung, bound, trial, accepted,
     radius) and `start_bound`; path: its ending chooses the format.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     Raises InvalidInputError when there is no round or a row lacks one of these.
 
@@ -57,7 +59,7 @@ def plot_alternation(alternation: Any, path: str | Path | None = None) -> Figure
         axes.set_axisbelow(True)
     below.set_xlabel("round")
     below.xaxis.get_major_locator().set_params(integer=True)
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def _title(certificate: Any) -> str:

@@ -28,7 +28,8 @@ LINES = (colour(0), colour(1), colour(3), colour(4), colour(6))
 
 def plot_attraction(basin: Any = None, ellipsoids: Mapping[str, Any] | None = None,
                     simulated: tuple[ArrayLike, ArrayLike] | None = None, strip: tuple[ArrayLike, float] | None = None,
-                    path: str | Path | None = None, *, ax: Any = None) -> Figure:
+                    path: str | Path | None = None, *, ax: Any = None, width: float | None = None,
+                    dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of regions of attraction in the plane of two states, one over the other.
 
     basin: the region certified by exact pieces, what `region_of_attraction` returned, or anything with `polytopes()`,
@@ -38,6 +39,7 @@ def plot_attraction(basin: Any = None, ellipsoids: Mapping[str, Any] | None = No
     edge half way between points that do and points that do not, seen where nothing else lies; strip: (v, bound), where no
     controller within its limits brings back a point with |v'x| >= bound; path: where to write the figure; ax: Matplotlib
     axes to draw into, whose figure is returned.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     Raises DimensionError, InvalidInputError when something is not of two states, nothing is given, or a certificate does not
     hold.
@@ -63,7 +65,7 @@ def plot_attraction(basin: Any = None, ellipsoids: Mapping[str, Any] | None = No
     as_plane(axes)
     legend_beside(axes, handles, 2, ax is None)
     axes.set_title(_title(basin), fontsize="medium")
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def _shape(name: str, value: Any) -> Ellipsoid:

@@ -18,12 +18,13 @@ BAR, LABEL = 0.62, 0.62  # height of a bar, and of the line that names a bound, 
 LOG_FROM = 30.0  # ratio of the figures from which on the axis is logarithmic
 
 
-def plot_bounds(rows: Sequence[Row], title: str = "", path: str | Path | None = None, *,
-                ax: Any = None) -> Figure:
+def plot_bounds(rows: Sequence[Row], title: str = "", path: str | Path | None = None, *, ax: Any = None,
+                width: float | None = None, dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of costs as bars and lower bounds as lines; see `draw_bounds`.
 
     rows: any order; title: above the chart; path: where to write it, the ending chooses the format; ax:
     Matplotlib axes to draw into, whose figure is returned.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     >>> figure = plot_bounds([Row("linear controllers", 0.4166, AT_LEAST), Row("clipped law", 0.3612, AT_MOST)])
     >>> [text.get_text().replace("\\n", ", ") for text in figure.axes[0].get_yticklabels()]
@@ -32,7 +33,7 @@ def plot_bounds(rows: Sequence[Row], title: str = "", path: str | Path | None = 
     figure, axes = canvas(ax, 7.2, 1.6 + 0.55 * len(rows))
     draw_bounds(axes, rows)
     axes.set_title(title, fontsize="medium")
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def draw_bounds(axes: Any, rows: Sequence[Row]) -> None:

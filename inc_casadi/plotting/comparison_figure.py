@@ -27,7 +27,8 @@ MARKS = {SURE: ("D", BLACK, BLACK, 1.0), UNSURE: ("D", "white", BLACK, 1.0), ABO
 WIDE, NARROW = 30.0, 0.05  # a wider factor takes a logarithmic axis; a smaller share is not magnified
 
 
-def plot_comparison(comparison: Any, path: str | Path | None = None, *, ax: Any = None) -> Figure:
+def plot_comparison(comparison: Any, path: str | Path | None = None, *, ax: Any = None, width: float | None = None,
+                    dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of a `Comparison`, written to `path` when given.
 
     One line per controller, those of the widest class first. Shaded is what the lower bounds exclude for the class of
@@ -37,6 +38,7 @@ def plot_comparison(comparison: Any, path: str | Path | None = None, *, ax: Any 
 
     comparison: what `compare` returns. path: its ending chooses the format, such as .png, .pdf or .svg; ax: Matplotlib
     axes to draw into, whose figure is returned.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
     """
     rows = sorted(comparison.rows, key=lambda row: -row.family.rank)
     drawing, axes = canvas(ax, 10.5, 1.9 + 0.55 * max(len(rows), 3))
@@ -44,7 +46,7 @@ def plot_comparison(comparison: Any, path: str | Path | None = None, *, ax: Any 
     costs = [_end(row) for row in rows if np.isfinite(row.cost.value)]
     if not costs and not bounds:
         say_in(axes, "neither a cost nor a bound is known")
-        return written(drawing, path)
+        return written(drawing, path, width, dpi)
     low, high, log = _range(np.array([*costs, *(row.cost.value for row in rows if np.isfinite(row.cost.value)),
                                       *bounds.values()]))
     for y, row in enumerate(rows):
@@ -58,7 +60,7 @@ def plot_comparison(comparison: Any, path: str | Path | None = None, *, ax: Any 
     axes.set_xlabel("expected discounted cost" + ("" if low <= 0 or log else " (the axis does not begin at 0)"))
     axes.set_title("Costs, and (shaded) what no controller of that class can reach", fontsize="medium")
     legend_beside(axes, _legend(comparison, rows), 3, ax is None)
-    return written(drawing, path)
+    return written(drawing, path, width, dpi)
 
 
 def _end(row: Row) -> float:

@@ -25,7 +25,8 @@ BANDS = 41  # colours, an odd number: the middle one, white, is where the laws a
 ROUNDING = 1e-9  # so that the largest difference itself lies within the outermost band
 
 
-def plot_difference(difference: Difference, path: str | Path | None = None) -> Figure:
+def plot_difference(difference: Difference, path: str | Path | None = None, *, width: float | None = None,
+                    dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of two laws' difference on a region of one or two states, for the output that differs most.
 
     Two states: the first law less the second as colours, white where they agree to within 1/41 of the largest; lines at
@@ -33,6 +34,7 @@ def plot_difference(difference: Difference, path: str | Path | None = None) -> F
     where they are affine, so nothing is lost between points; the star is the largest difference.
 
     difference: what `largest_difference` returned; path: where to write the figure.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     Raises InvalidInputError for more than two states, and when no piece is finished.
 
@@ -51,7 +53,7 @@ def plot_difference(difference: Difference, path: str | Path | None = None) -> F
     bound = f"at least {at_least(difference.value)}" if difference.ended else f"at most {at_most(difference.bound)}"
     ended = f"\n{difference.ended} ended the search" if difference.ended else ""
     axes.set_title(f"The two laws differ by {bound} (star){ended}", fontsize="medium")
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def pieces_of(difference: Difference) -> tuple[Array, Array, Array]:

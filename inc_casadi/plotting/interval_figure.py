@@ -55,7 +55,8 @@ class Interval:
         return f"{self.name}\n" + (", ".join(parts) or "no finite cost is known")
 
 
-def plot_intervals(comparison: Any, path: str | Path | None = None, *, ax: Any = None) -> Figure:
+def plot_intervals(comparison: Any, path: str | Path | None = None, *, ax: Any = None, width: float | None = None,
+                   dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of intervals of costs: of each controller, and of the best member of each class.
 
     A controller's interval goes from the lower bound on any controller to its own certified cost: the best possible lies in
@@ -66,6 +67,7 @@ def plot_intervals(comparison: Any, path: str | Path | None = None, *, ax: Any =
 
     comparison: what `compare` returned (`.proved()` of it shows full diamonds), or a Result; path: its ending chooses the
     format; ax: Matplotlib axes to draw into, whose figure is returned.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     >>> from inc_casadi import INC, Box, Plant, Spec, compare
     >>> plant, spec = Plant(1.5, 1.0), Spec(1.0, 0.0, 0.9, Box(-1, 1), Box(-1, 1))
@@ -81,7 +83,7 @@ def plot_intervals(comparison: Any, path: str | Path | None = None, *, ax: Any =
     values = values[np.isfinite(values)]
     if not values.size:
         say_in(axes, "neither a cost nor a bound is known")
-        return written(figure, path)
+        return written(figure, path, width, dpi)
     low, high, log = _range(values)
     axes.set_xscale("log" if log else "linear")
     axes.set_xlim(low, high)
@@ -97,7 +99,7 @@ def plot_intervals(comparison: Any, path: str | Path | None = None, *, ax: Any =
     axes.set_axisbelow(True)
     axes.set_title("Where the best possible cost lies: for each law, for each class", fontsize="medium")
     legend_beside(axes, _legend(rows), 3, ax is None)
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def intervals(comparison: Any) -> list[Interval]:

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, columns
-from ..errors import DimensionError
+from ..errors import DimensionError, InvalidInputError
 from ..inc import INC
 from ..loop import fitting
 from ..plant import Plant
@@ -23,6 +23,7 @@ from .outlines import legend_beside
 from .paths import Paths, arrow_grid, arrows, motion, paths, rest_of
 from .phase_line import draw_line
 from .plane_slice import PlaneSlice, plane_slice, rim
+from .portrait_levels import draw_levels, levels_wanted
 from .portrait_regions import draw_regions
 from .portrait_sets import certified_bodies, draw_sets, window_of
 from .style import WORST, canvas, colour, name_of, written
@@ -32,15 +33,17 @@ HEAVY, LEAVES = "#303030", colour(1)
 
 
 def plot_phase_portrait(plant: Any, inc: INC, region: Box | None = None, *, initial: Any = None, certificate: Any = None,
-                        sets: Mapping[str, Any] | None = None, starts: ArrayLike | None = None, steps: int = 60,
-                        duration: float | None = None, axes: tuple[int, int] = (0, 1), at: ArrayLike | None = None,
-                        ax: Any = None, path: str | Path | None = None) -> Figure:
+                        levels: int | None = None, sets: Mapping[str, Any] | None = None, starts: ArrayLike | None = None,
+                        steps: int = 60, duration: float | None = None, axes: tuple[int, int] = (0, 1),
+                        at: ArrayLike | None = None, ax: Any = None, path: str | Path | None = None,
+                        width: float | None = None, dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of the closed loop x+ = A x + B pi(C x), or dx/dt of it, in a plane of states.
 
     Shaded: the regions of a piecewise-affine law, exact, a number in each and its formula in the legend (no shade for other
     activations). Grey arrows: the step x+ - x, or dx/dt; longer where it is larger, by the root. Lines: motions, solid
     where they end near the equilibrium (the cross), dashed where they do not within the time shown: that is simulation.
-    Outlined: the initial set; what the certificate certifies; further sets under the names given.
+    Outlined: the initial set; what the certificate certifies; further sets under the names given. Thin: level sets of the
+    certificate's storage function, no further out than where it proves something.
 
     Two states are the plane itself. Of more, `axes` and `at` choose a slice: regions, arrows and sets are those of the
     slice, motions and the equilibrium are projected onto it; the title says so. One state: x+ (or dx/dt) against x, with
@@ -52,17 +55,20 @@ def plot_phase_portrait(plant: Any, inc: INC, region: Box | None = None, *, init
     inc : the controller
     region : Box in R^2, the two coordinates drawn (R^1 for one state); by default what holds sets, starts and motions
     initial : distribution or set of starting points in R^n, or None
-    certificate : one with a set: Attraction, Regional, Invariance, a Basin of `region_of_attraction`; or None
+    certificate : one that holds, or a Basin of `region_of_attraction`, or None
+    levels : how many level sets of the certificate's storage function; by default 6 where it certifies no set, else none
     sets : Box, Polytope or Ellipsoid in R^n by the name that the legend gives it
     starts : starting points (n,) or (n, N) of the motions; by default vertices and draws of `initial`, else points on the
         rim of the region
     steps, duration : how long motions are followed, in discrete and in continuous time (there six slowest time constants)
     axes, at : coordinates of the plane, numbered from 0, and the values (n,) of the others, 0 by default
     ax : Matplotlib axes to draw into, whose figure is returned; path : where to write it, the ending chooses the format
+    width, dpi : inches, the height in proportion, and dots per inch, of the figure and its file
 
     Raises
     ------
-    InvalidInputError : nothing says where to look, a certificate that does not hold or has no set, a set of another kind
+    InvalidInputError : nothing says where to look, a certificate that does not hold, levels of what has no storage function
+        or in one state, a set of another kind
     DimensionError : something is not of n states
 
     Examples
@@ -80,10 +86,12 @@ def plot_phase_portrait(plant: Any, inc: INC, region: Box | None = None, *, init
     if given is None and initial is not None:
         given = starting_points(initial)
     if plant.n == 1:
+        if levels:
+            raise InvalidInputError(f"levels = {levels}: level sets are drawn in a plane, but the plant has one state")
         figure, panel = canvas(ax, 6.4, 6.0)
         draw_line(panel, plant, inc, window_of(region, bodies, given, (0,)), bodies, given,
                   (steps, duration), ax is None)
-        return written(figure, path)
+        return written(figure, path, width, dpi)
     plane = plane_slice(plant.n, axes, at)
     window = window_of(region, bodies, given, plane.axes)
     figure, panel = canvas(ax, 6.6, 6.8)
@@ -93,11 +101,12 @@ def plot_phase_portrait(plant: Any, inc: INC, region: Box | None = None, *, init
     busy = [plane.project(found.x).reshape(2, -1)] + ([] if rest is None else [plane.project(rest)[:, None]])
     handles = draw_regions(panel, inc, plant.C, plane, window, np.concatenate(busy, axis=1).T)
     handles += draw_sets(panel, plane, bodies)
+    handles += draw_levels(panel, certificate, plane, window, levels_wanted(certificate, bodies, levels))
     handles += _draw_field(panel, plant, inc, plane, window)
     handles += _draw_motions(panel, plant, plane, found, rest)
     _finish(panel, plane, window)
     legend_beside(panel, handles, 2, ax is None)
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def _distribution(initial: Any, n: int) -> Any:

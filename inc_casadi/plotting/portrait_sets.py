@@ -10,6 +10,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch, Polygon
 
 from ..arrays import Array
+from ..certificate import Certificate
 from ..errors import DimensionError, InvalidInputError
 from ..sets import Box, Ellipsoid, Polytope
 from ..sets.base import Distribution
@@ -28,8 +29,10 @@ def certified_bodies(certificate: Any, sets: Mapping[str, Any] | None, initial: 
 
     A certificate is asked whether it holds; a Basin of `region_of_attraction` stands for its polygons.
 
-    Raises InvalidInputError for a certificate that does not hold or certifies no set, and for a set that is no Box,
-    Polytope or Ellipsoid; DimensionError for one of another dimension.
+    A global certificate certifies no set, only values of a storage function.
+
+    Raises InvalidInputError for a certificate that does not hold, and for a set that is no Box, Polytope or Ellipsoid;
+    DimensionError for one of another dimension.
     """
     bodies: dict[str, Any] = {}
     support = None if initial is None else initial.support
@@ -53,11 +56,11 @@ def certified_bodies(certificate: Any, sets: Mapping[str, Any] | None, initial: 
 def _certified(certificate: Any) -> dict[str, Any]:
     if hasattr(certificate, "polytopes"):
         return {"certified by exact pieces (in floats)": certificate}
-    claim = getattr(certificate, "claim", None)
-    if claim is None or not hasattr(certificate, "holds"):
+    if not isinstance(certificate, Certificate):
         raise InvalidInputError(f"certificate is a {type(certificate).__name__}, but a Certificate or a Basin is needed")
     if not certificate.holds():
         raise InvalidInputError(f"the certificate does not hold, so it certifies no set: {certificate.reason}")
+    claim: Any = getattr(certificate, "claim", None)
     if hasattr(certificate, "ellipsoid"):
         return {"certified region of attraction": certificate.ellipsoid}
     if hasattr(claim, "region"):
@@ -65,7 +68,7 @@ def _certified(certificate: Any) -> dict[str, Any]:
     support = getattr(getattr(claim, "initial", None), "support", None)
     if hasattr(certificate, "walk") and support is not None:
         return {"certified: motions from here converge": support}
-    raise InvalidInputError(f"a certificate of {type(claim).__name__} speaks of no set in the plane")
+    return {}  # it speaks of all states, and has level sets (`draw_levels`)
 
 
 def window_of(region: Box | None, bodies: Mapping[str, Any], starts: Array | None, axes: tuple[int, ...]) -> Box:

@@ -26,7 +26,8 @@ MOST_OUTLINED = 5000  # polygons: finding the boundary of more takes seconds
 TALL = 3  # up to so many panels stand above each other; more take two columns
 
 
-def plot_reachable(sets: ReachableSets, points: Array | None = None, path: str | Path | None = None) -> Figure:
+def plot_reachable(sets: ReachableSets, points: Array | None = None, path: str | Path | None = None, *,
+                   width: float | None = None, dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of exact reachable sets: for two states in the plane, otherwise intervals over steps.
 
     Two states: the set of each step is a union of polygons, filled as one shape and coloured by step, with its boundary
@@ -35,6 +36,7 @@ def plot_reachable(sets: ReachableSets, points: Array | None = None, path: str |
 
     sets: what `reachable` returned; points: sampled motions to draw on top, (n, N, K) as `simulate(...).x`, or None; path:
     where to write it.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     Raises DimensionError when the points have another number of states.
 
@@ -48,7 +50,7 @@ def plot_reachable(sets: ReachableSets, points: Array | None = None, path: str |
     if points is not None and (points.ndim != 3 or points.shape[0] != n):
         raise DimensionError(f"points has shape {points.shape}, but motions of {n} states are ({n}, N, K)")
     shown = None if points is None else points[:, :, : sets.steps + 1]
-    return written(_plane_figure(sets, shown) if n == 2 else _interval_figure(sets, shown), path)
+    return written(_plane_figure(sets, shown) if n == 2 else _interval_figure(sets, shown), path, width, dpi)
 
 
 def step_colours(steps: int) -> list[Any]:

@@ -21,7 +21,8 @@ MOST_LAWS = 8  # as many as the palette has colours
 MANY = 400  # regions from which on their outlines are thinner
 
 
-def plot_regions(regions: Regions, path: str | Path | None = None) -> Figure:
+def plot_regions(regions: Regions, path: str | Path | None = None, *, width: float | None = None,
+                 dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of the regions of a law u = G_i x + g_i of one or two states.
 
     Two states: the regions as polygons, one outline for each pattern. Up to 8 distinct laws have a colour of the palette
@@ -30,6 +31,7 @@ def plot_regions(regions: Regions, path: str | Path | None = None) -> Figure:
     One state: the inputs themselves against it, with a dot at each kink.
 
     regions: what `regions` returned; path: where to write the figure, the ending chooses the format.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     Raises InvalidInputError for more than two states (the regions of a slice are those of the law of that slice), and when
     no region is known.
@@ -52,7 +54,7 @@ def plot_regions(regions: Regions, path: str | Path | None = None) -> Figure:
         figure = _coloured_figure(regions, *laws)
     else:
         figure = _shaded_figure(regions, *laws)
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def outlines(regions: Regions) -> list[Array]:

@@ -15,7 +15,8 @@ from .style import new_figure, say_in, written
 from .time_panels import draw_inputs, draw_norm, draw_states
 
 
-def plot_result(result: Any, path: str | Path | None = None) -> Figure:
+def plot_result(result: Any, path: str | Path | None = None, *, width: float | None = None,
+                dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of what `synthesize` found, written to `path` when given.
 
     Four panels. States: for two states the plane, with the initial set cut into the pieces of the regional proof, each
@@ -27,6 +28,7 @@ def plot_result(result: Any, path: str | Path | None = None) -> Figure:
     result: anything with plant, spec, inc, certificate, status, cost, estimate, bounds and linear; a discrete plant.
     path: its ending chooses the format, such as .png, .pdf or .svg. The figure does not belong to pyplot; it can be
     written with `figure.savefig`, and a notebook with `%matplotlib inline` shows it.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
     """
     figure = new_figure(12.0, 8.6)
     (top_left, top_right), (low_left, low_right) = figure.subplots(2, 2)
@@ -39,7 +41,7 @@ def plot_result(result: Any, path: str | Path | None = None) -> Figure:
     draw_costs(low_left, rows_of(result))
     low_left.set_title("Costs: bars are what remains possible", fontsize="medium")
     figure.suptitle(headline(result), fontsize="x-large")
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def headline(result: Any) -> str:

@@ -20,7 +20,7 @@ STARTS, STEPS, DISCOUNTS = (1.0, 0.85, -0.6), 6, 101
 
 
 def plot_separation(example: ScalarSeparation, moves: tuple[ArrayLike, ArrayLike] | None = None,
-                    path: str | Path | None = None) -> Figure:
+                    path: str | Path | None = None, *, width: float | None = None, dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of u = -sat(a x) against linear control of x+ = a x + u, |u| <= 1.
 
     Left: the law and the best admissible linear first move. Middle: motions under the law and under the best static gain.
@@ -29,6 +29,7 @@ def plot_separation(example: ScalarSeparation, moves: tuple[ArrayLike, ArrayLike
     example: the plant, the weights, and the discount of the first two panels; moves: discounts and, for each, a lower bound
     on linear controllers that counts more than the first move, (k,) each; path: where to write the figure, the ending
     chooses the format.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     Raises InvalidInputError when the two arrays do not fit each other.
 
@@ -41,7 +42,7 @@ def plot_separation(example: ScalarSeparation, moves: tuple[ArrayLike, ArrayLike
     _draw_laws(left, example)
     _draw_motions(middle, example)
     _draw_costs(right, example, None if moves is None else _points(*moves))
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def _points(discounts: ArrayLike, bounds: ArrayLike) -> tuple[Array, Array]:

@@ -10,12 +10,15 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from ..arrays import number
+
 # Okabe and Ito, Color Universal Design (2008), the darker ones first because lines on white need them.
 PALETTE = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#999933", "#000000")
 WORST, QUIET, LIMIT = "#000000", "#7A7A7A", "#B22222"
 LIGHTNESS = (88.0, 72.0, 80.0, 94.0, 76.0, 91.0, 68.0, 84.0)  # L* of the grounds
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "*")  # with a colour and a dash each line has three signs of its own
 DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), "-.", (0, (1, 1.2)), (0, (7, 2, 1, 2, 1, 2)))
+FILE_DPI = 150.0
 Colour = tuple[float, float, float]
 
 
@@ -86,10 +89,25 @@ def canvas(ax: Any, width: float, height: float) -> tuple[Figure, Any]:
     return figure, figure.subplots()
 
 
-def written(figure: Figure, path: str | Path | None) -> Figure:
-    """Return the figure itself, written to `path` when one is given; the ending of its name chooses the format."""
+def written(figure: Figure, path: str | Path | None, width: float | None = None, dpi: float | None = None) -> Figure:
+    """Return the figure itself, written to `path` when one is given; the ending of its name chooses the format.
+
+    width: inches to bring the figure to, its height in proportion. Letters keep their size; where a narrow figure has no
+    room for them the file is wider instead, as it is in a notebook. dpi: dots per inch; by default the figure's own, and in
+    the file 150.
+
+    Raises InvalidInputError for a width or a dpi that is not positive.
+
+    >>> written(new_figure(6.0, 4.0), None, width=3.0, dpi=50).get_size_inches().tolist()
+    [3.0, 2.0]
+    """
+    if width is not None:
+        size = figure.get_size_inches()
+        figure.set_size_inches(size * number("width", width, 0.0, open_low=True) / size[0])
+    if dpi is not None:
+        figure.set_dpi(number("dpi", dpi, 0.0, open_low=True))
     if path is not None:
-        figure.savefig(path, dpi=150)
+        figure.savefig(path, dpi=FILE_DPI if dpi is None else dpi, bbox_inches=None if width is None else "tight")
     return figure
 
 

@@ -23,13 +23,15 @@ BELOW = 0.35  # how far below the surface the contour lies, as a share of its he
 LEVELS = 14
 
 
-def plot_cost(certificate: RegionalCertificate, path: str | Path | None = None) -> Figure:
+def plot_cost(certificate: RegionalCertificate, path: str | Path | None = None, *, width: float | None = None,
+              dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of the discounted cost from every starting point, with its contour below; two states.
 
     The cost is known in closed form on every piece of the certificate's walk, and drawn at some 6000 points; the star
     is the costliest of all.
 
     certificate: a regional one that holds; path: where to write the figure.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     Raises InvalidInputError when the certificate does not hold, or for another number of states.
 
@@ -66,7 +68,7 @@ def plot_cost(certificate: RegionalCertificate, path: str | Path | None = None) 
     bar.set_ticks(list(ticks), labels=[f"{tick:.3g}" if tick > 0.01 * high else "0" for tick in ticks])
     figure.suptitle(f"Discounted cost from each starting point, exact; at most {at_most(certificate.worst_bound)} (star)",
                     fontsize="medium")
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def _draw_surface(axes: Any, net: Triangulation, cost: Array, floor: float) -> Any:

@@ -17,7 +17,8 @@ WIDE = 30.0  # ratio of costs from which on the axis is logarithmic
 FULL, HOLLOW = "certified cost", "simulated, two standard errors"
 
 
-def plot_training(training: Any, path: str | Path | None = None) -> Figure:
+def plot_training(training: Any, path: str | Path | None = None, *, width: float | None = None,
+                  dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of how a law was found: of a `Training`, or of all attempts of a `Result`.
 
     A Training: the cost after each iteration, one line for each phase, since phases count on nodes and horizons of their
@@ -27,6 +28,7 @@ def plot_training(training: Any, path: str | Path | None = None) -> Figure:
 
     training: anything with `history` of dict(phase, iteration, cost, seconds), `cost` and `start_cost`; or a Result, whose
     `history` holds attempts. path: its ending chooses the format.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     Raises InvalidInputError when the history is empty or of neither kind.
 
@@ -43,11 +45,11 @@ def plot_training(training: Any, path: str | Path | None = None) -> Figure:
         if not {"phase", "iteration", "cost", "seconds"} <= set(history[0]):
             raise InvalidInputError(f"the history has {', '.join(sorted(history[0]))}, but phase, iteration, cost and "
                                     f"seconds are drawn; of an Alternation, see plot_alternation")
-        return written(_of_training(training), path)
+        return written(_of_training(training), path, width, dpi)
     if not hasattr(history[0], "verdict"):
         raise InvalidInputError(f"the history holds {type(history[0]).__name__}, but rows of a Training or attempts of a "
                                 f"Result are drawn")
-    return written(_of_result(training), path)
+    return written(_of_result(training), path, width, dpi)
 
 
 def phases_of(history: Sequence[Mapping[str, Any]]) -> list[tuple[str, np.ndarray, np.ndarray, float]]:

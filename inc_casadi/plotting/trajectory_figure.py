@@ -24,7 +24,7 @@ SIGNS = 12  # markers along a line
 
 
 def plot_trajectories(trajectory: Trajectory | Mapping[str, Trajectory], inputs: Box | Polytope | None = None,
-                      path: str | Path | None = None) -> Figure:
+                      path: str | Path | None = None, *, width: float | None = None, dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of motions against time: states above, inputs below, what the limits exclude hatched.
 
     One trajectory: all states in one panel, all inputs in another. Several, by the name of their law: a panel for each
@@ -33,6 +33,7 @@ def plot_trajectories(trajectory: Trajectory | Mapping[str, Trajectory], inputs:
     trajectory: what `simulate` returned, of one motion or several, or a mapping from names to such; inputs: the input
     limits, Box or Polytope in R^m (of a polytope, its extent along each input); path: where to write the figure, the ending
     chooses the format.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     Raises InvalidInputError when there is no law, no motion, or time is counted differently; DimensionError when numbers of
     states or inputs differ.
@@ -54,8 +55,8 @@ def plot_trajectories(trajectory: Trajectory | Mapping[str, Trajectory], inputs:
         draw_states(above, trajectory)
         draw_inputs(below, trajectory, inputs)
         above.set_xlabel("")
-        return written(figure, path)
-    return written(_several(runs, inputs), path)
+        return written(figure, path, width, dpi)
+    return written(_several(runs, inputs), path, width, dpi)
 
 
 def _check(runs: Mapping[str, Trajectory], inputs: Box | Polytope | None) -> None:

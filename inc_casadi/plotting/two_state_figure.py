@@ -29,7 +29,8 @@ FLOOR = 1e-4  # of the largest mean norm: what lies below is nothing to look at
 
 
 def plot_two_states(plant: Any, spec: Spec, laws: Mapping[str, INC], rows: Sequence[Row], start: ArrayLike,
-                    path: str | Path | None = None, *, steps: int = 25, grid: int = 41) -> Figure:
+                    path: str | Path | None = None, *, steps: int = 25, grid: int = 41, width: float | None = None,
+                    dpi: float | None = None) -> Figure:
     """Return a Matplotlib figure of up to four laws on a plant of two states.
 
     Top left: the motion of each law from `start`, with the initial box. Top right: its inputs with their limits. Bottom
@@ -38,6 +39,7 @@ def plot_two_states(plant: Any, spec: Spec, laws: Mapping[str, INC], rows: Seque
 
     plant: discrete; spec: `initial` on a Box, which the grid fills; laws: by name; rows: of the last panel; start: (2,);
     steps: how many; grid: initial states along each axis; path: where to write the figure, the ending chooses the format.
+    width, dpi: of the figure and its file, in inches (the height in proportion) and dots per inch.
 
     Raises InvalidInputError when the plant has not two states or is continuous, the initial set is no box, or there are
     no laws or more than four.
@@ -72,7 +74,7 @@ def plot_two_states(plant: Any, spec: Spec, laws: Mapping[str, INC], rows: Seque
     _finish_norms(norms, grid, time_label(run))
     draw_bounds(costs, rows)
     costs.set_title("Expected cost: solid bars are certified, lines are lower bounds", fontsize="medium")
-    return written(figure, path)
+    return written(figure, path, width, dpi)
 
 
 def grid_of(box: Box, count: int) -> Array:

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..arrays import Array, frozen
+from ..brief import Brief
 
 
-class Set(ABC):
+class Set(Brief, ABC):
     """A bounded, convex, full-dimensional set in R^n: where states start or inputs stay.
 
     Points are vectors (n,) or columns (n, N). Each set knows the mean and covariance of the uniform distribution on
@@ -60,7 +61,7 @@ class Set(ABC):
         """Return nodes (n, N), positive weights (N,) of sum 1: exact means of polynomials of degree 2 order - 1."""
 
 
-class Distribution(ABC):
+class Distribution(Brief, ABC):
     """A distribution of the initial state on R^n: its moments, its draws, and a quadrature for expectations.
 
     Besides what follows, each has as a field or property

@@ -6,12 +6,13 @@ from abc import ABC, abstractmethod
 from typing import Any
 
 from ..arrays import Array
+from ..brief import Brief
 from ..loop import ClosedLoop
 from ..multipliers.base import Unknown
 from ..plant import Plant
 
 
-class Uncertainty(ABC):
+class Uncertainty(Brief, ABC):
     """Signals w = Delta(v) that enter as x+ = A x + B u + E w, for every Delta of a set.
 
     Promise: with nonnegative values of its unknowns the form s'N s of `matrix` has sum_{k<=K} s_k'N s_k >= 0 (in

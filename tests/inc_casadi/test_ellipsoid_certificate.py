@@ -109,7 +109,7 @@ def test_directions_scale_what_they_name():
 
 def test_without_numbers_it_says_why():
     lost = certify_attraction(TWO_STATES, INC.saturated(0.01 * lqr(TWO_STATES), 1.0), Attraction())
-    assert not lost.holds() and "no ellipsoid" in lost.reason and lost.volume == lost.bound == 0.0 and not lost.prove()
+    assert not lost.holds() and "does not attract" in lost.reason and lost.volume == lost.bound == 0.0 and not lost.prove()
     with pytest.raises(InvalidInputError, match="no ellipsoid"):
         lost.ellipsoid  # noqa: B018
     nowhere = certify_attraction(Plant([[1.0]], [[1.0]]), INC([[0.0]], [[0.0]], [[1.0]], [[0.0]], d=[3.0]), Attraction())

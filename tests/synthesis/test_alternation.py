@@ -31,7 +31,8 @@ def simulated(plant, inc, claim, steps=250):
     return float(np.mean(oracles.discounted_cost(x, u, claim.Q, claim.R, claim.discount)))
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [
+    pytest.param(name, marks=[pytest.mark.slow] * (name in ("leaky", "four states"))) for name in CASES])
 def test_bound_falls_to_the_best_static_linear_gain_and_is_proved(name):
     plant, inc, claim = draw(*CASES[name], seed=1)
     found = alternate(plant, inc, claim, multiplier="sector")
@@ -59,7 +60,7 @@ def test_a_step_without_constraints_lowers_the_bound_too():
     assert found.certificate.holds() and found.improvement > 0.01 and np.array_equal(found.inc.W, inc.W)
 
 
-@pytest.mark.parametrize("name, size", [("relu", 2.0), ("tanh", 1.0)])
+@pytest.mark.parametrize("name, size", [("relu", 2.0), pytest.param("tanh", 1.0, marks=pytest.mark.slow)])
 def test_refused_start_is_made_acceptable(name, size):
     plant, inc, claim = draw(*CASES[name], size=size, seed=3)
     assert not certify(plant, inc, claim, multiplier="sector").holds()
@@ -207,3 +208,14 @@ def test_a_plant_that_no_output_feedback_certifies_ends_without_a_certificate():
     found = alternate(plant, law, claim, multiplier="sector", max_rounds=8)
     assert not found.certificate.holds() and found.improvement == 0.0
     assert "Not certified" in found.certificate.sentence
+
+
+def test_the_history_holds_the_law_of_each_accepted_round_and_no_other():
+    plant, inc, claim = draw(*CASES["relu"], seed=1)
+    seen = []
+    found = alternate(plant, inc, claim, multiplier="sector", way="fixed", max_rounds=5, progress=seen.append)
+    assert [row["law"] is not None for row in found.history] == [row["accepted"] for row in found.history]
+    laws = [row for row in found.history if row["accepted"]]
+    for row in (laws[0], laws[-1]):
+        assert certify(plant, row["law"], claim, multiplier="sector").bound == pytest.approx(row["bound"], rel=1e-4)
+    assert laws[-1]["law"].V == pytest.approx(found.inc.V) and seen[0]["law"] is found.history[0]["law"]

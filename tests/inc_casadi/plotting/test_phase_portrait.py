@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from matplotlib.collections import PolyCollection
+from matplotlib.contour import QuadContourSet
 from matplotlib.figure import Figure
 from matplotlib.patches import PathPatch, Polygon
 from matplotlib.quiver import Quiver
 
 from inc_casadi import INC, Attraction, Box, Ellipsoid, Invariance, Plant, Polytope, Regional, Stability, Tanh, certify
+from inc_casadi.ellipsoid_certificate import EllipsoidCertificate
 from inc_casadi.errors import DimensionError, InvalidInputError
 from inc_casadi.local.certify import certify_attraction
 from inc_casadi.pieces.walk import Budget
@@ -27,6 +28,7 @@ from inc_casadi.regional_certificate import certify_region
 PLANT = Plant([[1.1, 1.0], [0.0, 1.02]], [[0.2], [0.5]])
 LAW = INC.saturated([[-1.3749, -2.6490]], 1.0)
 START, AROUND = Box([-0.8, -0.6], [0.8, 0.7]), Box([-4.0, -2.5], [4.0, 2.0])
+LEVEL = [[12.5, 4.05], [4.05, 7.4]]  # {x'P x <= 1} lies where LAW is not clipped, and is invariant
 THREE = Plant([[1.02, 0.1, 0], [0, 1, 0.1], [0, -0.2, 0.9]], [[0, 0.02], [0, 0.1], [0.1, 0]], dt=0.1)
 LAW3 = INC.linear([[-0.2, -0.3, -0.4], [-1.6, -1.0, -0.2]]).with_saturated_output(Box([-1, -0.5], [1, 0.6]))
 
@@ -153,13 +155,48 @@ def test_a_basin_is_outlined_as_a_union():
         plot_phase_portrait(PLANT, LAW, certificate=Basin(), axes=(1, 0))
 
 
-def test_a_certificate_that_does_not_hold_or_has_no_set_is_refused():
+def curves(axes: Any) -> list[np.ndarray]:
+    """The level sets drawn, points (N, 2) of each."""
+    [found] = [part for part in axes.collections if isinstance(part, QuadContourSet)]
+    return [np.concatenate(path.to_polygons(closed_only=False)) for path in found.get_paths()]
+
+
+def test_level_sets_of_a_global_certificate_are_those_of_its_storage_function():
+    plant, law = Plant([[0.9, 0.2], [-0.1, 0.95]], [[0.0], [0.3]]), INC.saturated([[-0.2, -0.4]], 1.0)
+    certificate = certify(plant, law, Stability(0.99), multiplier="sector")
+    figure = plot_phase_portrait(plant, law, Box([-1, -2], [1, 2]), certificate=certificate, levels=3)
+    V = [np.asarray(certificate.storage(curve.T)) for curve in curves(figure.axes[0])]
+    assert len(V) == 3 and all(np.ptp(values) < 0.01 * values.mean() for values in V)
+    roots = np.sqrt([values.mean() for values in V])
+    assert np.allclose(np.diff(roots), roots[0], rtol=1e-2)
+    assert "level sets of the storage function $V$" in words(figure)
+    default = plot_phase_portrait(plant, law, Box([-1, -2], [1, 2]), certificate=certificate)
+    assert len(curves(default.axes[0])) == 6
+
+
+def test_level_sets_end_where_the_proof_does():
+    certificate = EllipsoidCertificate(PLANT, LAW, Attraction(Box([-1.0], [1.0])), "linear", {"P": LEVEL})
+    axes = plot_phase_portrait(PLANT, LAW, AROUND, certificate=certificate, levels=2).axes[0]
+    V = [np.asarray(certificate.storage(curve.T)).mean() for curve in curves(axes)]
+    assert V == pytest.approx([0.25, 1.0], rel=0.02)
+    assert not any(isinstance(part, QuadContourSet)
+                   for part in plot_phase_portrait(PLANT, LAW, AROUND, certificate=certificate).axes[0].collections)
+
+
+def test_level_sets_that_cannot_be_drawn_are_refused():
+    for levels in (-1, 1.5):
+        with pytest.raises(InvalidInputError, match="must be a whole number"):
+            plot_phase_portrait(PLANT, LAW, AROUND, levels=levels)
+    with pytest.raises(InvalidInputError, match="certificate's storage function: give certificate"):
+        plot_phase_portrait(PLANT, LAW, AROUND, levels=3)
+    with pytest.raises(InvalidInputError, match="one state"):
+        plot_phase_portrait(Plant(0.5, 1.0), INC.linear([[0.1]]), Box(-1, 1), levels=3)
+
+
+def test_a_certificate_that_does_not_hold_or_is_none_is_refused():
     wide = Regional(Box([-3, -3], [3, 3]), Box([-1.0], [1.0]), np.eye(2), [[0.05]], 0.98)
     with pytest.raises(InvalidInputError, match="does not hold, so it certifies no set"):
         plot_phase_portrait(PLANT, LAW, certificate=certify_region(PLANT, LAW, wide, Budget(pieces=50)))
-    everywhere = SimpleNamespace(claim=Stability(), holds=lambda: True)
-    with pytest.raises(InvalidInputError, match="Stability speaks of no set"):
-        plot_phase_portrait(PLANT, LAW, AROUND, certificate=everywhere)
     with pytest.raises(InvalidInputError, match="certificate is a float"):
         plot_phase_portrait(PLANT, LAW, certificate=1.0)
 

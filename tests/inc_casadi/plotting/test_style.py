@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
+import struct
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from inc_casadi import INC, Box, Ellipsoid, Plant, Spec, compare
+from inc_casadi import INC, Box, Ellipsoid, Plant, Spec, compare, plotting
+from inc_casadi.errors import InvalidInputError
 from inc_casadi.plotting import plot_attraction, plot_bounds, plot_comparison, plot_intervals
 from inc_casadi.plotting.cost_panel import AT_LEAST, AT_MOST, Row
 from inc_casadi.plotting.style import DASHES, LIGHTNESS, MARKERS, PALETTE, ground, lightness, new_figure
@@ -55,3 +59,37 @@ def test_pictures_are_drawn_into_the_axes_of_the_caller():
     assert plot_comparison(found, ax=panels[2]) is figure and plot_intervals(found, ax=panels[3]) is figure
     assert all(axes.has_data() for axes in panels) and not figure.legends
     figure.draw_without_rendering()
+
+
+def pixels(path) -> tuple[int, int]:
+    """The width and the height that a PNG states."""
+    width, height = struct.unpack(">II", path.read_bytes()[16:24])
+    return width, height
+
+
+def test_a_figure_and_its_file_have_the_width_and_the_resolution_asked_for(tmp_path):
+    rows, path = [Row("all", 1.0, AT_LEAST), Row("law", 2.0, AT_MOST)], tmp_path / "a.png"
+    usual = plot_bounds(rows, path=path)
+    size = usual.get_size_inches()
+    assert pixels(path) == tuple(np.floor(150 * size))
+    found = plot_bounds(rows, path=path, dpi=40)
+    assert pixels(path) == tuple(np.floor(40 * size)) and found.get_dpi() == 40
+    wide = plot_bounds(rows, path=path, width=2 * size[0], dpi=40)
+    assert wide.get_size_inches() == pytest.approx(2 * size) and np.array(pixels(path)) == pytest.approx(80 * size, rel=0.1)
+
+
+def test_letters_that_a_narrow_figure_has_no_room_for_widen_the_file(tmp_path):
+    figure = plot_bounds([Row("all", 1.0, AT_LEAST)], "a long title " * 8, tmp_path / "a.png", width=4.0, dpi=40)
+    assert figure.get_size_inches()[0] == 4.0 and pixels(tmp_path / "a.png")[0] > 200
+
+
+def test_a_size_that_is_not_positive_is_refused():
+    for options, name in (({"width": 0.0}, "width = 0"), ({"dpi": -1.0}, "dpi = -1")):
+        with pytest.raises(InvalidInputError, match=name):
+            plot_bounds([Row("all", 1.0, AT_LEAST)], **options)
+
+
+def test_every_picture_takes_a_width_and_a_resolution():
+    lacking = [name for name in plotting.__all__ if name.startswith("plot_")
+               and not {"path", "width", "dpi"} <= set(inspect.signature(getattr(plotting, name)).parameters)]
+    assert lacking == []
