@@ -37,6 +37,14 @@ def test_every_cause_is_explained_and_its_example_is_refused_for_it():
     assert names["accepted"].accepted and names["accepted"].causes
 
 
+def test_the_page_on_output_feedback():
+    """The figures it states, in the order in which they must lie."""
+    names = run("guide/output_feedback.md")
+    assert names["result"].status == "certified" and names["result"].cost == pytest.approx(1.22746, abs=1e-5)
+    assert float(names["floor"]) == pytest.approx(1.2004, abs=1e-4) and names["floor"].holds()
+    assert float(names["linear"]) == pytest.approx(2.09994, abs=1e-5)
+
+
 def test_the_page_on_deployment(capsys):
     source = run("guide/deployment.md")["source"]
     assert source.error_bound < 1e-11 and "int law(const double y[1], double u[1])" in source.header

@@ -1,12 +1,13 @@
 """Each cause of a refusal leads to the retry that helps against it, and no attempt is made twice."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from inc_casadi import INC, Box, Gaussian, Plant, ReLU, Spec, Tanh
-from synthesis.attempts import AS_IT_IS, CERTIFIED, TRAINED, Task, attempt
+from inc_casadi import INC, Box, Ellipsoid, Gaussian, Plant, ReLU, Spec, Tanh
+from synthesis.attempts import AS_IT_IS, CERTIFIED, TRAINED, Task, attempt, plan
 from synthesis.causes import Cause
 from synthesis.followups import Done, best_certified, explorations, improvements, repairs
 from synthesis.gate import Verdict
@@ -125,3 +126,21 @@ def test_a_law_that_grew_twice_is_named_after_its_root():
     grown = explorations([best], replace(TASK, start=""), 1)[-1]
     again = explorations([accepted(grown, 1.5, grown.law)], replace(TASK, start=""), 2)[-1]
     assert grown.start == again.start == f"from ({TASK.name})" and again.of == grown.name != again.name
+
+
+def test_a_seldom_clipped_gain_is_tried_where_pieces_give_no_expected_cost():
+    ball = replace(TASK, start="", spec=replace(SPEC, initial=Ellipsoid(4 * np.eye(2))))
+    assert explorations([], ball, 1)[0].name == "seldom clipped gain"
+    many = Plant(0.8 * np.eye(9), np.ones((9, 1)))
+    spec = Spec(np.eye(9), 1.0, 0.95, Box(-np.ones(9), np.ones(9)), Box(-1, 1))
+    names = [task.name for task in plan(many, spec, 0, ReLU(), 0.9, 0, 1.0)]
+    assert names == ["seldom clipped gain", "clipped LQR"]
+    assert "seldom clipped gain" not in [task.name for task in plan(PLANT, SPEC, 0, ReLU(), 0.9, 0, 1.0)]
+
+
+def test_a_largest_cost_is_no_end_of_the_search():
+    """With nine states exact pieces state the largest cost only, so a gain that is clipped less often is tried."""
+    loose = SimpleNamespace(accepted=True, settled=False)
+    one = Done(replace(TASK, start="static gain", way=AS_IT_IS), SimpleNamespace(verdict=loose, certified=True))
+    (retry,) = repairs([], [one])
+    assert retry.start == "seldom clipped gain" and "loosely" in retry.why

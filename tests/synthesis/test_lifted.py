@@ -98,7 +98,7 @@ def test_the_rounded_clip_stays_inside_and_tends_to_the_clip():
         assert errors[0] <= 0.1 and errors[1] <= 0.01 and errors[2] <= 1e-15
 
 
-@pytest.mark.parametrize("unit", [ReLU(), Tanh()], ids=str)
+@pytest.mark.parametrize("unit", [ReLU(), pytest.param(Tanh(), marks=pytest.mark.slow)], ids=str)
 def test_all_forms_end_at_the_same_cost(unit):
     plant, spec = small()
     start = random_start(plant, spec, 3, unit, seed=1)
@@ -170,7 +170,7 @@ def test_states_that_cannot_be_kept_are_reported():
     assert result.state_violation >= np.max(np.abs(x[:, :, 1:])) - 1.0 > 0.5
 
 
-@pytest.mark.parametrize("gain", [0.3, 1.0])
+@pytest.mark.parametrize("gain", [0.3, pytest.param(1.0, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("readout", [True, False])
 def test_a_polytope_of_inputs_is_kept(gain, readout):
     plant = Plant([[1.0, 0.3], [0.0, 0.95]], [[0.2, 0.0], [0.1, 0.3]])
@@ -244,7 +244,7 @@ def test_it_ends_when_it_must_and_keeps_the_best():
 def test_it_repeats_itself_in_silence(capfd):
     plant, spec = small(1)
     start = random_start(plant, spec, 3, seed=2)
-    first, again = (train(plant, spec, start, **QUICK) for _ in range(2))
+    first, again = (train(plant, spec, start, **QUICK | {"max_iterations": 9}) for _ in range(2))
     assert first.cost == again.cost and np.array_equal(first.inner.U, again.inner.U)
     assert capfd.readouterr() == ("", "") and isinstance(first.inc, INC)
 

@@ -20,8 +20,8 @@ print(json.dumps([result.status, result.cost, [one.note for one in result.histor
 
 
 @pytest.mark.parametrize(("missing", "words"), [
-    (["casadi"], "needs CasADi: pip install casadi"),
-    (["clarabel"], "pip install clarabel"),
+    pytest.param(["casadi"], "needs CasADi: pip install casadi", marks=pytest.mark.slow),
+    pytest.param(["clarabel"], "pip install clarabel", marks=pytest.mark.slow),
     (["cvxpy", "casadi", "clarabel", "control", "matplotlib"], "pip install casadi"),
 ])
 def test_the_saturated_lqr_is_proved_without(missing, words):

@@ -54,7 +54,7 @@ def test_a_trained_law_of_one_measurement_is_certified_below_every_static_gain()
     assert result.chosen.inner.q == 8 and np.abs(result.chosen.inner.W).max() > 0
 
 
-@pytest.mark.parametrize("hidden", [0, 8])
+@pytest.mark.parametrize("hidden", [0, pytest.param(8, marks=pytest.mark.slow)])
 def test_a_double_integrator_whose_position_alone_is_measured_is_refused_with_proof(hidden):
     plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.5], [1.0]], [[1.0, 0.0]])
     spec = Spec(np.eye(2), [[1.0]], 0.95, Box([-1.0, -1.0], [1.0, 1.0]), Box([-5.0], [5.0]))
@@ -64,7 +64,7 @@ def test_a_double_integrator_whose_position_alone_is_measured_is_refused_with_pr
     assert result.status == "failed" and not any(one.training for one in result.history)
     reason = next(note for note in result.notes if note.startswith("no static gain"))
     assert "no static law that is differentiable at its equilibrium makes motions converge exponentially" in reason
-    assert "inc_casadi.dynamic" in reason and "train_dynamic" in reason
+    assert "inc_casadi.dynamic" in reason and "synthesize_dynamic" in reason
     assert "no other static law is worth trying" in str(result)
 
 
@@ -79,4 +79,4 @@ def test_several_measurements_that_no_gain_found_stabilizes_end_in_bounded_time(
     names = {one.name: one for one in result.history}
     assert "stabilizing gain" in names and "no static gain u = F y was found" in names["stabilizing gain"].note
     assert names["stabilizing gain"].why == "does not stabilize around its equilibrium"
-    assert any("inc_casadi.dynamic" in note and "train_dynamic" in note for note in result.notes)
+    assert any("inc_casadi.dynamic" in note and "synthesize_dynamic" in note for note in result.notes)

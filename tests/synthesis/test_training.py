@@ -81,7 +81,7 @@ def test_an_optimal_start_is_kept():
 def test_clipped_lqr_is_improved_nearly_to_the_optimum():
     plant, spec = three_state()
     K, _ = discounted_lqr(plant, spec)
-    result = train(plant, spec, linear_start(K, plant, spec, 8), max_iterations=30)
+    result = train(plant, spec, linear_start(K, plant, spec, 8), max_iterations=20)
     cost, u = true_cost(plant, spec, result.inc, order=8)
     assert result.start_cost == pytest.approx(THREE_STATE_CLIPPED, rel=1e-3)
     assert THREE_STATE_OPTIMUM - 1e-3 < cost < 2.63
@@ -157,7 +157,7 @@ def test_a_polytope_of_inputs_is_kept_on_unseen_states_and_used_beyond_its_box()
     diamond = Polytope([[1, 1], [1, -1], [-1, 1], [-1, -1]], [0.8] * 4)
     plant, spec = three_state(diamond)
     K, _ = discounted_lqr(plant, spec)
-    result = train(plant, spec, linear_start(K, plant, spec, 4), max_iterations=30)
+    result = train(plant, spec, linear_start(K, plant, spec, 4), max_iterations=15)
     cost, u = true_cost(plant, spec, result.inc, order=7)
     assert result.violation == 0.0 and np.max(diamond.H @ u.reshape(2, -1)) <= 0.8 + 1e-3
     assert cost < THREE_STATE_OPTIMUM - 0.2

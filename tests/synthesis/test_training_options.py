@@ -59,7 +59,7 @@ def test_the_form_taken_is_told():
     assert told == ["shooting", "projected"]
 
 
-@pytest.mark.parametrize("steps", ["spectral", "adam"])
+@pytest.mark.parametrize("steps", ["spectral", pytest.param("adam", marks=pytest.mark.slow)])
 def test_sixty_four_units_are_trained_by_projected_gradients(steps):
     plant, spec = small()
     K, _ = discounted_lqr(plant, spec)

@@ -24,6 +24,7 @@ NAMES = ("DI_reachsdp", "PENDULUM_yin_linear", "VEHICLE_yin", "CARTPOLE_wang2022
          "WANG_BOYD_masses")
 COLUMNS = {"linear": "nonsaturating", "convex hull": "convex_hull", "dead zone": "sector_LMI"}
 LARGER = {("VEHICLE_yin", "convex hull"): 2e-3}  # the figure there is 1.5e-3 below what is proved here, by two methods
+LONG = [("convex hull", "WANG_BOYD_masses"), ("dead zone", "WANG_BOYD_masses")]
 SATURATED = INC.saturated(lqr(TWO_STATES, 0.98, 0.05), 1.0)
 
 
@@ -42,8 +43,8 @@ def certified(plant, law, method, **claim):
     return found
 
 
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("method", COLUMNS)
+@pytest.mark.parametrize(("method", "name"), [
+    pytest.param(method, name, marks=[pytest.mark.slow] * ((method, name) in LONG)) for method in COLUMNS for name in NAMES])
 def test_certified_volumes_equal_the_published_ones(name, method):
     plant, law, limits, entry = published(name)
     found = certified(plant, law, method, inputs=limits)

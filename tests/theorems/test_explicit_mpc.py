@@ -46,6 +46,7 @@ def test_example_of_bemporad_and_others():
                     (0.0, 0.0, -2.0)}
 
 
+@pytest.fixture(scope="module")
 def predictive_law():
     """N = 10, Q = I, R = 0.1, |x_i| <= 10, |u| <= 1, and the regulator's maximal admissible set at the end."""
     plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.0], [1.0]])
@@ -57,25 +58,27 @@ def predictive_law():
     return MPC(plant, np.eye(2), [[0.1]], 10, inputs, free.terminal, states=states, terminal_set=last.polytope)
 
 
-def test_worst_error_of_a_net_trained_on_a_predictive_law():
+@pytest.fixture(scope="module")
+def feasible(predictive_law):
+    return feasible_set(predictive_law)
+
+
+def test_worst_error_of_a_net_trained_on_a_predictive_law(predictive_law, feasible):
     data = reference("neural_controllers/evanqp_double_integrator_qp.json")
-    net, mpc = network(data), predictive_law()
-    feasible = feasible_set(mpc)
+    net, mpc = network(data), predictive_law
     found = largest_difference(net, mpc, feasible)
     # Published by a mixed-integer program on all x with |x_i| <= 10 for which the predictive law exists.
     assert found.value == pytest.approx(0.050766191223634766, abs=1e-9) and found.ended == ""
     assert found.value == pytest.approx(data["published"]["max_abs_error_vs_MPC"], abs=1e-9)
-    x = feasible.sample(1000, np.random.default_rng(0))
+    x = feasible.sample(200, np.random.default_rng(0))
     by_solver = np.array([mpc.solve(point)[0] for point in x.T]).T
     assert np.abs(by_solver - net(x)).max() <= found.value + 1e-6
     inside = found.point * (1 - 1e-6)
     assert abs(mpc.solve(inside)[0, 0] - net(inside)[0]) == pytest.approx(found.value, abs=1e-4)
 
 
-def test_the_regions_of_that_law_fill_its_feasible_set():
-    mpc = predictive_law()
-    feasible = feasible_set(mpc)
-    law = CriticalRegions(mpc)
+def test_the_regions_of_that_law_fill_its_feasible_set(predictive_law, feasible):
+    mpc, law = predictive_law, CriticalRegions(predictive_law)
     found = regions(mpc.plant, law, feasible)
     assert found.volumes.sum() == pytest.approx(feasible.volume, rel=1e-12) and found.ended == ""
     x = feasible.sample(200, np.random.default_rng(1))

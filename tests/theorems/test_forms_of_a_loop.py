@@ -1,6 +1,7 @@
 """One loop in other coordinates, with units permuted, split, idle or rescaled: verdicts and bounds stay, on every rung."""
 
 from dataclasses import replace
+from functools import cache
 
 import multiplier_draws as md
 import numpy as np
@@ -88,6 +89,13 @@ def scaled(plant, inc, claim):
     return plant, INC(c[:, None] * inc.W / c, c[:, None] * inc.U, inc.V / c, inc.K, c * inc.b, inc.d, inc.activations), claim
 
 
+@cache
+def bounds_here(kind, bias):
+    """The bounds of the rungs that apply to the loop as it is first written, computed once for all its forms."""
+    here = same_law(RELUS[kind], bias)
+    return {rung: search(*here, rung).require().bound for rung in RUNGS[kind] if not rung.refusal(close_loop(*here[:2]))}
+
+
 @pytest.mark.parametrize("form", [moved, permuted, split, idle, scaled])
 @pytest.mark.parametrize(("kind", "bias"), [("ReLU", False), ("ReLU", True), ("saturation", False), ("curved", False)])
 def test_bounds_are_the_same_in_every_form_of_a_loop(kind, bias, form):
@@ -97,11 +105,10 @@ def test_bounds_are_the_same_in_every_form_of_a_loop(kind, bias, form):
     there = form(*here)
     x = np.random.default_rng(8).normal(size=(2, 30))
     np.testing.assert_allclose(there[1](x), here[1](x), atol=1e-9)
-    for rung in RUNGS[kind]:
-        if rung.refusal(close_loop(*here[:2])) or form is scaled and rung == Slope():
+    for rung, bound in bounds_here(kind, bias).items():
+        if form is scaled and rung == Slope():
             continue  # links between units do notice their sizes
-        bounds = [search(*loop, rung).require().bound for loop in (here, there)]
-        assert bounds[1] == pytest.approx(bounds[0], rel=2e-5), rung
+        assert search(*there, rung).require().bound == pytest.approx(bound, rel=2e-5), rung
 
 
 @pytest.mark.parametrize("rung", LADDER)

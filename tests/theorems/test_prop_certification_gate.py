@@ -28,7 +28,7 @@ def verdict_on(seed):
     return gate(PLANT, SPEC, drawn_law(seed, 0.08))
 
 
-@pytest.mark.parametrize("seed", [0, 1])
+@pytest.mark.parametrize("seed", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_an_accepted_law_costs_no_more_than_certified(seed):
     inc, verdict = drawn_law(seed, 0.08), verdict_on(seed)
     assert verdict.accepted and verdict.certificate.holds()

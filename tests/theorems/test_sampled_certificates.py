@@ -32,6 +32,7 @@ from inc_casadi.multipliers import LADDER, Lifted, Sector
 UNITS = (ReLU(), LeakyReLU(0.3), Tanh(), Saturation(), CenteredLogistic(), Identity(), md.DEAD_ZONE, md.THREE, md.Lopsided())
 ROUNDING = 1e-9  # of sums of a few hundred terms
 RUNGE_KUTTA = 1e-5  # of 40 steps of 0.02 s
+FEW = (*range(12), 14, 15, 17, 19, 20, 24, 25, 27, 30, 45, 47, 52)  # seeds of loops of every kind; five of them grow
 SIZES = [(1, 2, 3, 2), (2, 1, 3, 4), (3, 2, 1, 2), (2, 3, 4, 1), (4, 1, 2, 3)]  # n, m, p, q
 
 
@@ -206,7 +207,7 @@ def tally(seeds):
 
 
 def test_what_holds_is_true_on_trajectories_and_what_diverges_is_never_certified():
-    counts = tally(range(60))
+    counts = tally(FEW)
     assert counts["growing"] >= 5, counts
     for key in (
         "sector",
@@ -226,7 +227,7 @@ def test_what_holds_is_true_on_trajectories_and_what_diverges_is_never_certified
 
 @pytest.mark.slow
 def test_what_holds_is_true_on_many_more_trajectories():
-    tally(range(1000, 1400))
+    tally([*range(60), *range(1000, 1400)])
 
 
 def corruptions(certificate, rng):

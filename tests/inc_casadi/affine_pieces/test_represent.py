@@ -44,7 +44,8 @@ def test_a_network_is_the_same_function_as_its_pieces(sizes):
     assert found.inc.contraction.radius == 0.0 and found.inc.well_posedness().holds
 
 
-@pytest.mark.parametrize("horizon, count", [(2, 9), (3, 19), (4, 33), (5, 51), (6, 73)])
+@pytest.mark.parametrize("horizon, count", [
+    (2, 9), (3, 19), (4, 33), *(pytest.param(*case, marks=pytest.mark.slow) for case in ((5, 51), (6, 73)))])
 def test_units_of_explicit_predictive_control(horizon, count):
     plant, mpc = double_integrator(horizon)
     pieces = regions(plant, CriticalRegions(mpc), WIDE)

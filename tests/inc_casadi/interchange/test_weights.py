@@ -23,7 +23,7 @@ def forward(y, phi, last=lambda z: z):
 class Tensor:
     """What a tensor offers, and no more: NumPy cannot read it without being told."""
 
-    def __init__(self, values, steps=("detach", "cpu", "numpy")):
+    def __init__(self, values, steps=("detach", "cpu", "double", "numpy")):
         self.values, self.steps = values, steps
 
     def __array__(self, *_, **__):
@@ -35,6 +35,10 @@ class Tensor:
 
     def cpu(self):
         assert self.steps[0] == "cpu"
+        return Tensor(self.values, self.steps[1:])
+
+    def double(self):
+        assert self.steps[0] == "double"
         return Tensor(self.values, self.steps[1:])
 
     def numpy(self):
@@ -74,6 +78,15 @@ def test_numbers_order_layers_and_words_keep_their_order():
 def test_a_prefix_picks_one_network_of_several():
     both = {f"actor.{name}": value for name, value in TORCH.items()} | {"critic.0.weight": np.ones((1, 3)), "log_std": b3}
     np.testing.assert_array_equal(from_state_dict(both, Tanh(), prefix="actor.").W, from_state_dict(TORCH, Tanh()).W)
+
+
+def test_several_prefixes_pick_the_parts_of_one_network():
+    """As Stable-Baselines names the layers of a policy."""
+    names = {"net.0": "mlp_extractor.policy_net.0", "net.2": "mlp_extractor.policy_net.2", "net.4": "action_net"}
+    parts = {"log_std": b3, "mlp_extractor.value_net.0.weight": np.ones((1, 3))}
+    parts |= {f"{names[name.rpartition('.')[0]]}.{name.rpartition('.')[2]}": value for name, value in TORCH.items()}
+    found = from_state_dict(parts, Tanh(), prefix=("mlp_extractor.policy_net.", "action_net."))
+    np.testing.assert_array_equal(found.W, from_state_dict(TORCH, Tanh()).W)
 
 
 def test_biases_may_be_left_out():
@@ -176,3 +189,5 @@ def test_other_arguments_that_are_wrong():
             from_state_dict(TORCH, **arguments)
     with pytest.raises(InvalidInputError, match="map names"):
         from_state_dict([W1, b1], Tanh())
+    with pytest.raises(InvalidInputError, match=r"type Module: pass its state_dict\(\)"):
+        from_state_dict(type("Module", (), {"state_dict": lambda self: TORCH})(), Tanh())
