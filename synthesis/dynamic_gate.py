@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,8 +13,11 @@ from inc_casadi.dynamic import DynamicCertificate, DynamicINC, certify_dynamic, 
 from inc_casadi.dynamic.fold import visited
 from inc_casadi.errors import INCError
 from inc_casadi.judgement import judge
-from inc_casadi.judgement.ways import by_ellipsoid, by_inequality
+from inc_casadi.judgement.clipped import by_clipping
+from inc_casadi.judgement.unswitched import by_lyapunov
+from inc_casadi.judgement.ways import Way, by_ellipsoid, by_inequality
 from inc_casadi.output_range import within_limits
+from inc_casadi.pieces.cell_walk import MOST_DIMENSIONS
 from inc_casadi.pieces.walk import Budget
 from inc_casadi.sets import Polytope, Uniform
 
@@ -29,9 +33,10 @@ def gate_dynamic(plant: Plant, spec: Spec, dynamic: DynamicINC, budget: Budget |
     """Let a controller with memory through on one certificate that holds (prop:certification_gate).
 
     From a uniform distribution over a box or polytope exact pieces prove it all (`certify_dynamic`): the initial set of the
-    extended plant is X_0 x {xi_0}, flat, and followed as such. From other distributions, and where `loose`, the matrix
-    inequality for all (x, xi) and the ellipsoid that contains the initial set are asked, as `gate` does of static laws, on
-    the extended plant. How the controller was found plays no part.
+    extended plant is X_0 x {xi_0}, flat, and followed as such. In more than 8 dimensions they give the largest cost only:
+    there the Lyapunov inequality of a loop that never leaves its linear piece, and bounds on what seldom clipping adds, are
+    asked of the extended plant first. From other distributions, and where `loose`, the matrix inequality for all (x, xi) and
+    the ellipsoid that contains the initial set are asked of it. How the controller was found plays no part.
 
     >>> from inc_casadi import INC
     >>> delay = DynamicINC(INC.linear([[-1.0, -0.5], [1.0, 0.0]]), [0.0])
@@ -44,11 +49,16 @@ def gate_dynamic(plant: Plant, spec: Spec, dynamic: DynamicINC, budget: Budget |
     posed = dynamic.law.well_posedness()
     if not posed.holds:
         return Verdict(None, np.inf, (), (f"well-posedness: {posed.test}",), (Cause.ILL_POSED,))
-    found = _by_pieces(plant, spec, dynamic, budget, f"well posed: {posed.test}")
+    opened = (f"well posed: {posed.test}",)
+    if plant.n > MOST_DIMENSIONS and (spec.inputs is None or within_limits(dynamic.readout, spec.inputs)):
+        found = _on_extended(plant, spec, dynamic, budget, Verdict(None, np.inf, opened, ()), (by_lyapunov, by_clipping))
+        if found.accepted:
+            return found
+    found = _by_pieces(plant, spec, dynamic, budget, *opened)
     if found.accepted or not (loose or Cause.HOPELESS in found.causes):
         return found
     left = max(until - time.monotonic(), 0.2 * budget.seconds)
-    return _for_more_states(plant, spec, dynamic, replace(budget, seconds=left), found)
+    return _on_extended(plant, spec, dynamic, replace(budget, seconds=left), found, (by_inequality, by_ellipsoid))
 
 
 def _by_pieces(plant: Plant, spec: Spec, dynamic: DynamicINC, budget: Budget, posed: str) -> Verdict:
@@ -85,20 +95,20 @@ def _cause(reason: str) -> Cause:
     return Cause.UNCERTIFIED
 
 
-def _for_more_states(plant: Plant, spec: Spec, dynamic: DynamicINC, budget: Budget, before: Verdict) -> Verdict:
-    """What holds on an ellipsoid of states (x, xi), or for all of them; limits that are built in need no box for xi."""
+def _on_extended(plant: Plant, spec: Spec, dynamic: DynamicINC, budget: Budget, before: Verdict,
+                 ways: Sequence[Way]) -> Verdict:
+    """What other ways prove on the extended plant; built-in limits need no box for xi."""
     wide, law = extended(plant, dynamic)
     free = spec.inputs is None or within_limits(dynamic.readout, spec.inputs)
     try:
         asked = extended_spec(replace(spec, inputs=None), dynamic) if free else extended_spec(
             spec, dynamic, visited(plant, dynamic, Regional(spec.initial.support, spec.inputs, spec.Q, spec.R)))  # type: ignore
-        found = judge(wide, asked, law, budget, alone=True, ways=(by_inequality, by_ellipsoid))
+        found = judge(wide, asked, law, budget, alone=True, ways=ways)
     except INCError as error:
         return replace(before, refusals=(*before.refusals, str(error)))
-    refusals = (*before.refusals, *(one.reason for one in found.refused))
-    causes = (*before.causes, *(one.cause for one in found.refused))
     if found.best is None:
-        return Verdict(None, np.inf, before.proofs, refusals, causes)
+        return replace(before, refusals=(*before.refusals, *(one.reason for one in found.refused)),
+                       causes=(*before.causes, *(one.cause for one in found.refused)))
     kept = ("input limits kept: the range of the readout",) if free and spec.inputs is not None else ()
-    return Verdict(found.best.certificate, found.best.certificate.bound, (*before.proofs, *kept, *found.best.proofs),
-                   refusals, causes)
+    return Verdict(found.best.certificate, found.best.certificate.bound, (before.proofs[0], *kept, *found.best.proofs),
+                   before.refusals, before.causes)

@@ -12,8 +12,8 @@ from inc_casadi import INC, Plant, Spec
 from inc_casadi.arrays import Array
 from inc_casadi.dynamic import DynamicINC, corrected, filter_gains, observer, scheduled_observer
 from inc_casadi.errors import InfeasibleError, InvalidInputError, SolverError
-from inc_casadi.linear import best_dynamic_linear
-from inc_casadi.sets import Polytope
+from inc_casadi.linear import best_dynamic_linear, best_kept_gain
+from inc_casadi.sets import Box, Polytope
 
 from .input_box import inscribed_box
 from .registry import lqr_gain
@@ -84,6 +84,12 @@ def _linear(plant: Plant, spec: Spec) -> DynamicINC:
     return DynamicINC.from_linear(best_dynamic_linear(plant, spec, MOVES).controller)
 
 
+def _kept(plant: Plant, spec: Spec) -> DynamicINC:
+    """The best static gain found that keeps the limits, with a clip that it never reaches: what memory has to beat."""
+    law = INC.linear(best_kept_gain(plant, spec).controller.D_c)
+    return with_idle_memory(law.with_saturated_output(spec.inputs) if isinstance(spec.inputs, Box) else law)
+
+
 def with_idle_memory(inc: INC) -> DynamicINC:
     """Return a static law as a controller with one state that stays 0 and that nothing reads.
 
@@ -102,6 +108,7 @@ DynamicReadout = Callable[[Plant, Spec], INC]
 
 DYNAMIC_STARTS: Mapping[str, DynamicStart] = MappingProxyType({
     "filter, clipped LQR": _filtered(_clipped),
+    "kept gain": _kept,
     **{f"observer with noise {noise:g}, clipped LQR": _observed(_clipped, noise) for noise in NOISES},
     "filter, MPC": _filtered(_predictive),
     f"observer with noise {NOISES[1]:g}, MPC": _observed(_predictive, NOISES[1]),

@@ -14,11 +14,14 @@ from inc_casadi.comparison.families import ANY, LINEAR
 from inc_casadi.dynamic import DynamicINC, extended, extended_spec
 from inc_casadi.errors import FormatError
 from inc_casadi.interchange.agreement import strange_bound, strange_certificate
+from inc_casadi.linear import ClippedCost, UnswitchedCost
 from inc_casadi.output_range import within_limits
 
 from .causes import Cause
 from .dynamic_result import DynamicAttempt, DynamicResult
 from .gate import Verdict
+
+_OF_EXTENDED = (MatrixCertificate, UnswitchedCost, ClippedCost)  # what speaks of the extended loop
 
 
 def save_dynamic_result(result: DynamicResult, path: str | Path) -> None:
@@ -60,7 +63,7 @@ def _stranger(result: DynamicResult) -> str:
     if certificate is not None:
         if not isinstance(dynamic, DynamicINC):
             return "the certificate is about another controller"
-        if isinstance(certificate, MatrixCertificate):  # of the extended loop, with limits that are built in or absent
+        if isinstance(certificate, _OF_EXTENDED):  # with limits that are built in or absent
             free = spec.inputs is None or within_limits(dynamic.readout, spec.inputs)
             asked = extended_spec(replace(spec, inputs=None), dynamic)
             found = strange_certificate(certificate, *_swapped(extended(plant, dynamic), asked)) if free else (

@@ -176,7 +176,7 @@ def test_the_gate_refuses_by_reasons():
         assert not verdict.accepted and verdict.causes[0] is cause
 
 
-@pytest.mark.parametrize("name", [name for name in DYNAMIC_STARTS if "MPC" not in name or "filter" in name])
+@pytest.mark.parametrize("name", [name for name in DYNAMIC_STARTS if name != "kept gain" and "noise 0.01, MPC" not in name])
 def test_each_start_keeps_the_limits_and_comes_to_rest(name):
     run = simulated_dynamic(DOUBLE, SPEC, DYNAMIC_STARTS[name](DOUBLE, SPEC), 300)
     assert run.settled and run.excess <= 1e-9 and run.mean < 2.2
@@ -196,3 +196,33 @@ def test_steady_gain_solves_the_riccati_equation():
         gain = S @ DOUBLE.C.T @ np.linalg.inv(DOUBLE.C @ S @ DOUBLE.C.T + N)
         S = DOUBLE.A @ (S - gain @ DOUBLE.C @ S) @ DOUBLE.A.T + W
     np.testing.assert_allclose(M, gain, rtol=1e-8)
+
+
+def test_above_eight_states_the_expected_cost_of_a_kept_gain_is_exact(tmp_path, boundless):
+    plant = Plant(np.diag(np.linspace(0.1, 0.9, 9)), np.full((9, 1), 0.1), np.full((1, 9), 0.1))
+    spec = Spec(np.eye(9), 0.1, 0.95, Box(-np.ones(9), np.ones(9)), Box(-1, 1))
+    found = synthesize_dynamic(plant, spec, start=INC.saturated([[-0.5]], 1.0), starts=(), **QUICK)
+    F = plant.A - 0.05 * plant.B @ np.ones((1, 9))
+    x, total = np.eye(9) / np.sqrt(3.0), 0.0  # columns whose outer products add up to the covariance of x_0
+    for k in range(300):
+        total += 0.95**k * float(np.sum(x**2) + 0.1 * np.sum((0.05 * x.sum(axis=0)) ** 2))
+        x = F @ x
+    assert found.proof and found.certificate.plant.n == 10
+    np.testing.assert_allclose(found.cost, total, rtol=1e-9)
+    found.save(tmp_path / "result.json")
+    assert load_dynamic_result(tmp_path / "result.json").cost == found.cost
+
+
+def test_a_file_with_a_certificate_of_another_extended_loop_is_refused(tmp_path, boundless):
+    plant = Plant(0.5 * np.eye(9), np.ones((9, 1)), np.ones((1, 9)))
+    spec = Spec(np.eye(9), 0.1, 0.95, Box(-0.1 * np.ones(9), 0.1 * np.ones(9)), Box(-1, 1))
+    found = synthesize_dynamic(plant, spec, start=INC.saturated([[-0.05]], 1.0), starts=(), **QUICK)
+    replace(found, spec=replace(spec, R=np.array([[0.2]]))).save(tmp_path / "result.json")
+    with pytest.raises(FormatError, match="certificate is about another specification"):
+        load_dynamic_result(tmp_path / "result.json")
+
+
+def test_the_best_gain_that_keeps_the_limits_takes_part():
+    spec = Spec(1.0, 0.0, 0.5, Box(-1, 1), Box(-1, 1))
+    law = DYNAMIC_STARTS["kept gain"](Plant(1.5, 1.0), spec)
+    assert law.step([0.0], [1.0])[1].item() == pytest.approx(-1.0, abs=1e-6)
