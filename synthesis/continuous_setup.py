@@ -19,7 +19,7 @@ from inc_casadi.spec import Spec
 from .collocation import Collocated, Points, radau
 from .flow import true_cost
 from .rollout import Parameters, Scenario
-from .training_nodes import nodes_of, with_corners
+from .training_nodes import finer, nodes_of, with_corners
 from .training_setup import Setup, setup
 
 COARSE, FINE, WATCHED, JUDGE = 25, 50, 100, 225  # most nodes of the phases, of the choice of iterates, of the judge
@@ -62,7 +62,7 @@ class ContinuousSetup:
 
     @cached_property
     def _judge(self) -> Scenario:
-        order = None if self.order is None else 2 * self.order + 1
+        order = finer(self.spec.initial, self.order)
         scenario = self._scenario(*nodes_of(self.spec.initial, JUDGE, self.seed + 1, order), 1)
         return replace(scenario, anchored=False)
 

@@ -25,7 +25,7 @@ from inc_casadi.spec import Spec
 from .input_box import box_and_limits
 from .training import Training, train
 
-_NODES = 130  # about so many points of quadrature over x_0
+_NODES, _MOST_NODES = 130, 800  # about so many points of quadrature over x_0; random ones where three per axis are more
 _ROOM = 4.0  # xi may grow to this many times what the start visits before training clips it
 _STEPS, _SEEN, _JUDGED = 50, 300, 5000
 _RESTING, _BESIDE = 1e-6, 0.05  # of the root mean squares: a kink so near to rest is moved by so much at random
@@ -68,7 +68,7 @@ def train_dynamic(plant: Any, spec: Spec, start: DynamicINC, *, order: int | Non
     plant : discrete-time Plant or control.StateSpace
     spec : Spec of the plant
     start : such as `observer(...)`, perhaps `with_units`; a readout that has its limits built in may keep them
-    order : quadrature points per axis of x_0; by default what about 130 nodes allow
+    order : quadrature points per axis of x_0; by default what about 130 nodes allow, random nodes in more than 6 dimensions
     horizon : steps; by default 30
     terminal : (n + l, n + l); by default the cost of the start's linearization at the origin, where that is stable, else
         the cost that `train` takes
@@ -102,7 +102,7 @@ def train_dynamic(plant: Any, spec: Spec, start: DynamicINC, *, order: int | Non
     memory = _memory(wide, start, spec, seed)
     problem = extended_spec(spec, start, memory)
     if order is None:
-        order = max(3, int(round(_NODES ** (1 / spec.n))))
+        order = max(3, int(round(_NODES ** (1 / spec.n)))) if 3**spec.n <= _MOST_NODES else None
     terminal = _terminal(wide, problem, law) if terminal is None else terminal
     found = train(wide, problem, law, order=order, horizon=30 if horizon is None else horizon, terminal=terminal, seed=seed,
                   **options)

@@ -13,6 +13,7 @@ from inc_casadi.spec import Spec
 COARSE, FINE, JUDGE = 130, 400, 900  # most nodes of the first phase, the last phase, and the judge
 LIFTED_COARSE, LIFTED_FINE = 25, 50  # the same for the lifted form, whose NLP grows with them
 _MOST_VERTICES = 64
+_MOST_JUDGED = 20_000  # nodes of a quadrature that is finer than the one trained on
 
 
 def default_horizon(plant: Plant, spec: Spec, K: Array) -> int:
@@ -47,6 +48,21 @@ def nodes_of(initial: Distribution, budget: int, seed: int, order: int | None = 
         if weights.size <= budget:
             return nodes, weights
     return initial.sample(budget, np.random.default_rng(seed)), np.full(budget, 1 / budget)
+
+
+def finer(initial: Distribution, order: int | None) -> int | None:
+    """Return the order of a quadrature that shares no more than the middle with one of this order, for who judges by it.
+
+    None, for a budget of nodes, where it would have too many: they grow with the power of the axes along which x_0 varies.
+
+    >>> from inc_casadi import Box, Uniform
+    >>> finer(Uniform(Box([0, 0], [1, 1])), 3), finer(Uniform(Box(np.zeros(7), np.ones(7))), 3)
+    (7, None)
+    """
+    if order is None:
+        return None
+    axes = int(np.linalg.matrix_rank(initial.covariance))
+    return 2 * order + 1 if (2 * order + 1) ** axes <= _MOST_JUDGED else None
 
 
 def with_corners(initial: Distribution, nodes: Array, weights: Array) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ from .input_box import box_and_limits
 from .objective import Layout
 from .rollout import Motion, Parameters, Scenario, hidden, roll
 from .starts.random_start import input_range, measurement_range
-from .training_nodes import COARSE, JUDGE, default_horizon, nodes_of, with_corners
+from .training_nodes import COARSE, JUDGE, default_horizon, finer, nodes_of, with_corners
 
 _HESSIAN_WORK, _HESSIAN_NODES = 5e8, 40  # multiplications that one Hessian may take; fewest nodes it is thinned to
 _HESSIAN_SIZE = 1000  # variables above which a dense Hessian costs more, to pass on and to factor, than it gains
@@ -144,7 +144,7 @@ class Setup:
 
     @cached_property
     def _judge(self) -> Scenario:
-        order = None if self.order is None else 2 * self.order + 1
+        order = finer(self.spec.initial, self.order)
         budget = int(JUDGE * min(1.0, 12 / max(len(self.units), 1)))
         nodes, weights = nodes_of(self.spec.initial, budget, self.seed + 1, order)
         if self.rows:
