@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children, get_context
 from multiprocessing.process import BaseProcess
 from threading import Event, Timer
@@ -78,9 +79,10 @@ class FreshProcesses(Executor):
     def _passed(self, inner: Future[Any], answer: Future[Any], pool: ProcessPoolExecutor, late: Timer,
                 expired: Event) -> None:
         late.cancel()
-        pool.shutdown(wait=False)
         self._running.pop(answer, None)
         error = inner.exception()
+        if not isinstance(error, BrokenProcessPool):  # else shut down already, holding its lock from Python 3.12 on
+            pool.shutdown(wait=False)
         if error is None:
             answer.set_result(inner.result())
         else:

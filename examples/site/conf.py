@@ -10,11 +10,10 @@ sys.path[:0] = [str(HERE), str(HERE.parents[1])]
 project = "inc_casadi"
 author = "the authors of inc_casadi"
 html_title = "inc_casadi"
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.mathjax", "sphinx.ext.viewcode",
-              "site_directives", "site_docstrings", "site_notebooks"]
-OFFLINE = "sphinx-mathjax-offline"
-if find_spec(OFFLINE):
-    extensions.append(OFFLINE)  # formulas without a network; else MathJax comes from its usual host
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.viewcode", "site_directives", "site_docstrings", "site_notebooks"]
+if find_spec("math_core"):
+    extensions.append("site_math")
+    html_math_renderer = "mathml"  # formulas need no network; without math-core MathJax comes from its usual host
 
 source_suffix = {".rst": "restructuredtext", ".md": "myst-nb", ".ipynb": "myst-nb"}
 exclude_patterns = ["README.md"]

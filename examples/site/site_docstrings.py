@@ -174,7 +174,7 @@ def converted(lines: list[str]) -> list[str]:
 
 def process(app: Sphinx, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
     """Rewrite a docstring in place."""
-    lines[:] = [] if lines[:1] and lines[0].startswith("Alias for field number") else converted(lines)
+    lines[:] = converted(lines) if lines and not lines[0].startswith("Alias for field number") else []
 
 
 def signature(app: Sphinx, what: str, name: str, value: Any, options: Any, arguments: str | None,

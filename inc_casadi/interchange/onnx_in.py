@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,10 @@ from ..arrays import Array
 from ..errors import TranslationError
 from ..inc import INC
 from .onnx_check import check_answers
-from .onnx_operators import Node, Value, translated
-from .onnx_package import onnx_package
+from .onnx_ml import DOMAIN
+from .onnx_node import Condition, Node, Value
+from .onnx_operators import translated
+from .onnx_package import evaluator, model_of, onnx_package
 from .signals import Signal, Stack
 
 FLOATS: dict[int, np.dtype] = {1: np.dtype(np.float32), 10: np.dtype(np.float16), 11: np.dtype(np.float64)}
@@ -23,7 +25,8 @@ def from_onnx(source: Any, output: str | None = None) -> INC:
 
     Each entry of an activation is a hidden unit; what lies between is affine and is composed, skip connections and
     normalization by constants included, so that eta = phi(W eta + U y + b) with W strictly lower triangular and
-    u = K y + V eta + d. Clip with two limits is a scaled saturation, with one a shifted ReLU; so are Max and Min.
+    u = K y + V eta + d. Clip with two limits is a scaled saturation, with one a shifted ReLU; so are Max and Min, and
+    choices by comparison (where z > 0, say) that do not jump.
 
     The result is compared with `onnx.reference.ReferenceEvaluator` at random points and at kinks of all units, and may
     differ by rounding only (`onnx_check.check_answers` states how much). Numbers are taken as they are stored, so in double
@@ -37,7 +40,8 @@ def from_onnx(source: Any, output: str | None = None) -> INC:
 
     Raises
     ------
-    TranslationError : an operator that has no counterpart, by name of its node; several inputs; an answer that differs
+    TranslationError : an operator that has no counterpart, by name of its node; several inputs; an answer that differs; a
+        file that is no ONNX model, or whose weights, kept in a file beside it, are missing
     SolverError : onnx is not installed
     OSError : the file cannot be read
 
@@ -54,9 +58,7 @@ def from_onnx(source: Any, output: str | None = None) -> INC:
     True
     """
     onnx = onnx_package()
-    model = onnx.load(str(source)) if isinstance(source, str | Path) else source
-    if not isinstance(model, onnx.ModelProto):
-        raise TranslationError(f"the model must be a path or an onnx.ModelProto, not {type(model).__name__}")
+    model = model_of(source)
     if model.functions:
         model = onnx.inliner.inline_local_functions(model)
     entry, wanted = _entry(model.graph), _wanted(model.graph, output)
@@ -71,10 +73,10 @@ def from_onnx(source: Any, output: str | None = None) -> INC:
     if not isinstance(found, Signal):
         raise TranslationError(f"the output {wanted!r} does not depend on the input {entry.name!r}")
     inc = stack.controller(found)
-    evaluator = onnx.reference.ReferenceEvaluator(model)
+    original = evaluator(model)
 
     def answers(y: Array) -> Array:
-        return np.ravel(evaluator.run([wanted], {entry.name: y.reshape(shape)})[0])
+        return np.ravel(original.run([wanted], {entry.name: y.reshape(shape)})[0])
 
     check_answers(inc, stack.majorant(found), answers, len(nodes), dtype)
     return inc
@@ -130,25 +132,26 @@ def _computed(onnx: Any, model: Any, node: Any, values: dict[str, Value], stack:
     if missing:
         raise TranslationError(f"node {name!r} ({node.op_type}) reads {missing[0]!r}, which nothing computes")
     inputs = [values[one] for one in node.input]
-    if any(isinstance(value, Signal) for value in inputs):
+    evaluated = partial(_evaluated, onnx, model, node, name)
+    if any(isinstance(value, Signal | Condition) for value in inputs):
         attributes = {one.name: onnx.helper.get_attribute_value(one) for one in node.attribute}
-        if node.domain not in ("", "ai.onnx"):
+        if node.domain not in ("", "ai.onnx", DOMAIN):
             raise TranslationError(f"node {name!r} ({node.op_type}) is of the domain {node.domain!r}, which is not read")
-        found = translated(Node(node.op_type, name, attributes, inputs, stack, len(node.output)))
+        found = translated(Node(node.op_type, name, attributes, inputs, stack, len(node.output), evaluated))
     else:
-        found = _constants(onnx, model, node, name, inputs)
+        found = evaluated(inputs)
     return dict(zip(node.output, found, strict=False))
 
 
-def _constants(onnx: Any, model: Any, node: Any, name: str, inputs: list[Any]) -> tuple[np.ndarray, ...]:
+def _evaluated(onnx: Any, model: Any, node: Any, name: str, inputs: list[Any]) -> tuple[np.ndarray, ...]:
     """What a node gives that reads constants only: whatever ONNX's own evaluator says."""
     helper = onnx.helper
     held = [onnx.numpy_helper.from_array(np.asarray(value), given)
             for given, value in zip(node.input, inputs, strict=True) if given]
     outputs = [helper.make_empty_tensor_value_info(one) for one in node.output]
-    graph = helper.make_graph([node], "constant", [], outputs, held)
+    graph = helper.make_graph([node], "alone", [], outputs, held)
     alone = helper.make_model(graph, opset_imports=model.opset_import)
     try:
         return tuple(np.asarray(value) for value in onnx.reference.ReferenceEvaluator(alone).run(None, {}))
     except (NotImplementedError, RuntimeError, TypeError, ValueError) as error:
-        raise TranslationError(f"node {name!r} ({node.op_type}), a constant, cannot be computed: {error}") from error
+        raise TranslationError(f"node {name!r} ({node.op_type}) cannot be computed by ONNX's evaluator: {error}") from error

@@ -20,8 +20,8 @@ Layer = tuple[str, Array, Array]
 
 
 def from_state_dict(parameters: Mapping[str, Any], activation: Activation | Sequence[Activation], *,
-                    output: Activation | Box | None = None, prefix: str = "", input_scaling: Scaling | None = None,
-                    output_scaling: Scaling | None = None) -> INC:
+                    output: Activation | Box | None = None, prefix: str | tuple[str, ...] = "",
+                    input_scaling: Scaling | None = None, output_scaling: Scaling | None = None) -> INC:
     """Return the network of a PyTorch `state_dict` of linear layers in sequence as an INC.
 
     Entries "<name>.weight" (out, in) and "<name>.bias" (out,), zero where left out, are layers
@@ -31,11 +31,12 @@ def from_state_dict(parameters: Mapping[str, Any], activation: Activation | Sequ
 
     Parameters
     ----------
-    parameters : names to tensors or arrays; a tensor is read by detach(), cpu() and numpy()
+    parameters : names to tensors or arrays; a tensor is read by detach(), cpu(), double() and numpy()
     activation : that of all hidden layers, or one for each
     output : an activation after the last layer, such as Tanh() or Saturation(); or a Box in R^m, in the units of u, to which
         the output is clipped after all scaling (`INC.with_saturated_output`)
-    prefix : of the names to read, "actor." say; others are left alone
+    prefix : of the names to read, "actor." say, or several, as ("mlp_extractor.policy_net.", "action_net."); other names are
+        left alone
     input_scaling, output_scaling : (mean, std) of the data that the network was trained on, u = mean + std * network
         ((y - mean) / std) with the output's activation before its scaling (`scaling.scaled`)
 
@@ -53,7 +54,8 @@ def from_state_dict(parameters: Mapping[str, Any], activation: Activation | Sequ
     [6.0]
     """
     if not isinstance(parameters, Mapping):
-        raise InvalidInputError(f"parameters must map names to arrays, not be of type {type(parameters).__name__}")
+        hint = ": pass its state_dict()" if hasattr(parameters, "state_dict") else ""
+        raise InvalidInputError(f"parameters must map names to arrays, not be of type {type(parameters).__name__}{hint}")
     arrays = {name: _array(name, value) for name, value in parameters.items() if name.startswith(prefix)}
     odd = [name for name in arrays if name.rpartition(".")[2] not in ("weight", "bias")]
     if odd:
@@ -101,7 +103,7 @@ def from_keras_weights(weights: Sequence[Any], activation: Activation | Sequence
 
 
 def _array(name: str, value: Any) -> Array:
-    for method in ("detach", "cpu", "numpy"):  # a tensor; arrays have none of these
+    for method in ("detach", "cpu", "double", "numpy"):  # a tensor; NumPy has no bfloat16, and arrays none of these
         value = getattr(value, method)() if hasattr(value, method) else value
     try:
         return np.asarray(value, dtype=float)
