@@ -67,13 +67,16 @@ def test_the_fourth_block_says_the_sentence(tmp_path, monkeypatch, capsys):
     assert found.inversions() == () and (tmp_path / "comparison.png").exists()
 
 
-def test_the_fifth_block_certifies_an_observer_with_a_neural_readout(capsys):
+def test_the_fifth_block_synthesizes_a_controller_with_memory(capsys):
     text, block = TEXT, BLOCKS[4]
     names: dict = {}
     exec(compile(block, "README.md", "exec"), names)
-    printed = capsys.readouterr().out
-    assert "at most 1.515142 in expectation" in printed and "at least 2.099943" in printed and "succeeded=True" in printed
-    assert "at most 1.515142, where every linear controller, of any order, costs at least 2.099943" in text
+    result = names["result"]
+    assert result.proof and result.cost <= 1.202 and "cost of at most 1.20134" in text
+    assert "at least 2.099943" in capsys.readouterr().out and "costs at least 2.099943" in text
+    assert 1.2011 < result.bounds["any controller"].value < 1.20113 and "less than 1.201121" in " ".join(text.split())
+    steady = min(one.cost for one in result.history if one.name.startswith("observer with noise"))
+    assert 1.5255 < steady < 1.5265 and "costs 1.526," in text
 
 
 def test_the_sixth_block_certifies_a_network_and_writes_it_as_c(tmp_path, monkeypatch):

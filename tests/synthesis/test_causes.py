@@ -25,13 +25,14 @@ def scalar(initial, inputs=UNIT):
     (STEEP, scalar(UNIT), INC.saturated([[-0.2]], 1.0), Budget(), [Cause.UNSTABLE, Cause.HOPELESS]),
     (STEEP, scalar(WIDE), INC.saturated([[-1.5]], 1.0), Budget(), [Cause.LOST, Cause.HOPELESS]),
     (PAIR, SQUARE, INC.saturated([[-1.1, -2.0]], 1.0), Budget(seconds=0.0), [Cause.TIME, Cause.HOPELESS, Cause.TIME]),
-    (STEEP, scalar(UNIT), INC.linear([[-1.5]]), Budget(), [Cause.LIMITS, Cause.HOPELESS]),
-    (MILD, scalar(UNIT, Box([0.1], [1.0])), INC.linear([[0.0]]), Budget(), [Cause.LIMITS, Cause.HOPELESS]),
+    (STEEP, scalar(UNIT), INC.linear([[-1.5]]), Budget(), [Cause.LIMITS, Cause.LIMITS, Cause.HOPELESS]),
+    (MILD, scalar(UNIT, Box([0.1], [1.0])), INC.linear([[0.0]]), Budget(),
+     [Cause.LIMITS, Cause.LIMITS, Cause.HOPELESS]),
     (STEEP, scalar(UNIT, None), INC([[0.0]], [[1.0]], [[-0.1]], [[-0.2]]), Budget(),
      [Cause.KINK, Cause.UNCERTIFIED, Cause.UNSTABLE]),
     (STEEP, scalar(WIDE), SMOOTH, Budget(), [Cause.SMOOTH, Cause.HOPELESS, Cause.REACH]),
     (STEEP, scalar(Gaussian([0.0], [[1.0]]), None), INC.linear([[-0.2]]), Budget(),
-     [Cause.HOPELESS, Cause.UNCERTIFIED, Cause.HOPELESS]),
+     [Cause.HOPELESS, Cause.HOPELESS, Cause.UNCERTIFIED, Cause.HOPELESS]),
 ], ids=["ill posed", "unstable", "lost", "time", "limits", "rest beyond limits", "kink", "smooth", "normal"])
 def test_the_cause_is_what_the_loop_shows(plant, spec, law, budget, causes):
     verdict = gate(plant, spec, law, budget)
