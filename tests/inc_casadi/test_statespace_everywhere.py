@@ -30,7 +30,7 @@ from inc_casadi import (
 from inc_casadi.dynamic import certify_dynamic, corrected, observer, observer_gain
 from inc_casadi.estimate import estimate
 from inc_casadi.linear import LinearController
-from synthesis import synthesize
+from synthesis import synthesize, synthesize_dynamic
 from synthesis.alternation import alternate
 from synthesis.compression import compress
 from synthesis.dynamic_training import train_dynamic, with_units
@@ -90,9 +90,14 @@ VERBS = {
     "linear.damped_plant": lambda plant: linear.damped_plant(plant, SPEC).A,
     "linear.dynamic_loop": lambda plant: linear.dynamic_loop(plant, LinearController.static([[0.1, 0.1]])).A,
     "linear.linear_cost": lambda plant: linear.linear_cost(plant, SPEC, LinearController.static([[-0.1, -0.1]])).bound,
+    "linear.best_kept_gain": lambda plant: linear.best_kept_gain(plant, SPEC, starts=1).bound,
+    "linear.unswitched_cost": lambda plant: linear.unswitched_cost(plant, SPEC, LAW).bound,
+    "linear.clipped_cost": lambda plant: linear.clipped_cost(plant, SPEC, LAW).bound,
     "linear.lqg": lambda plant: linear.lqg(plant, SPEC).A_c,
     "dynamic.observer": lambda plant: observer(plant, np.eye(2), LAW).law.K,
     "dynamic.observer_gain": lambda plant: observer_gain(plant, np.eye(2), np.eye(2)),
+    "dynamic.filter_gains": lambda plant: dynamic.filter_gains(plant, SPEC, 2),
+    "dynamic.scheduled_observer": lambda plant: dynamic.scheduled_observer(plant, SPEC, LAW, [np.eye(2)], np.eye(2)).law.K,
     "dynamic.extended": lambda plant: dynamic.extended(plant, DYNAMIC)[0].A,
     "dynamic.folded": lambda plant: dynamic.folded(plant, DYNAMIC, REGIONAL, Box([-9.0, -9.0], [9.0, 9.0])).plant.A,
     "dynamic.certify_dynamic": lambda plant: certify_dynamic(plant, DYNAMIC, REGIONAL).bound,
@@ -105,6 +110,9 @@ SYNTHESIS = {
         synthesize(
             plant, SPEC, hidden=0, verbose=False, starts=[], start=INC.from_lqr(control.dlqr(A, B, SPEC.Q, SPEC.R), LIMITS)
         ).cost
+    ),
+    "synthesize_dynamic": lambda plant: (
+        synthesize_dynamic(plant, SPEC, hidden=0, rounds=1, starts=["kept gain"], verbose=False).cost
     ),
     "train": lambda plant: train(plant, SPEC, NET, max_iterations=2).inc.U,
     "train_dynamic": lambda plant: train_dynamic(plant, SPEC, DYNAMIC, max_iterations=1).dynamic.law.U,
