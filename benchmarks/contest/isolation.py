@@ -5,10 +5,9 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import active_children, get_context
 from multiprocessing.process import BaseProcess
-from threading import Event, Timer
+from threading import Event, Thread, Timer
 from typing import Any, final
 
 
@@ -65,7 +64,8 @@ class FreshProcesses(Executor):
         late = Timer(self._seconds, _expire, (expired, children))
         late.daemon = True
         late.start()
-        inner.add_done_callback(lambda done: self._passed(done, answer, pool, late, expired))
+        # In a thread of its own: from Python 3.12 on a broken pool holds its lock while it tells of it.
+        inner.add_done_callback(lambda done: Thread(target=self._passed, args=(done, answer, pool, late, expired)).start())
         return answer
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
@@ -79,10 +79,9 @@ class FreshProcesses(Executor):
     def _passed(self, inner: Future[Any], answer: Future[Any], pool: ProcessPoolExecutor, late: Timer,
                 expired: Event) -> None:
         late.cancel()
+        pool.shutdown()
         self._running.pop(answer, None)
         error = inner.exception()
-        if not isinstance(error, BrokenProcessPool):  # else shut down already, holding its lock from Python 3.12 on
-            pool.shutdown(wait=False)
         if error is None:
             answer.set_result(inner.result())
         else:
