@@ -27,6 +27,7 @@ def test_the_page_on_certified(capsys):
     assert "succeeded=True" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_every_cause_is_explained_and_its_example_is_refused_for_it():
     names, text = run("guide/refusals.md"), (SITE / "guide/refusals.md").read_text(encoding="utf-8")
     assert set(re.findall(r'starts=\["(.+?)"\]', text)) <= set(STARTS)
@@ -37,6 +38,7 @@ def test_every_cause_is_explained_and_its_example_is_refused_for_it():
     assert names["accepted"].accepted and names["accepted"].causes
 
 
+@pytest.mark.slow
 def test_the_page_on_output_feedback():
     """The figures it states, in the order in which they must lie."""
     names = run("guide/output_feedback.md")

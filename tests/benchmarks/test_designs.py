@@ -71,6 +71,7 @@ def assert_fits(case: Case, designed: dict[str, Designed]) -> None:
             assert largest_share(case, one.controller) <= 1 + 1e-9, key
 
 
+@pytest.mark.slow
 def test_a_plant_gets_a_controller_that_fits_it_and_keeps_the_limits_or_a_reason(designs: dict[str, dict[str, Designed]]):
     for name, designed in designs.items():
         assert_fits(CASES[name], designed)
@@ -114,6 +115,7 @@ def test_the_best_linear_gain_keeps_the_limits_later_on_where_the_search_alone_d
     assert linear_cost(case.plant, case.spec, LinearController.static(law.K)).bound <= most
 
 
+@pytest.mark.slow
 def test_the_search_goes_on_to_the_same_gain_from_either_side():
     case = CASES["AC15"]
     plant, spec, _ = case
@@ -155,6 +157,7 @@ def test_the_scaled_regulator_is_a_multiple_of_the_regulator():
     assert ratios == pytest.approx(np.full(2, ratios[0])) and 0 < ratios[0] < 1
 
 
+@pytest.mark.slow
 def test_where_scaling_down_lets_an_unstable_plant_grow_there_is_no_scaled_regulator():
     with pytest.raises(InfeasibleError, match="stabilizes the plant"):
         scaled_lqr(CASES["pendulum"])
@@ -201,6 +204,7 @@ def test_what_is_not_measured_cannot_be_estimated():
         scaled_lqg(BLIND)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["embedding, output", "car, output", "NN2"])
 def test_the_scaled_regulator_of_the_estimate_keeps_the_limits_and_comes_near_them(name: str):
     case = CASES[name]

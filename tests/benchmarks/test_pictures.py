@@ -10,6 +10,7 @@ from benchmarks.paper import pictures
 from benchmarks.paper.row import Row
 
 
+@pytest.mark.slow
 def test_more_moves_add_nothing_without_input_cost_and_something_with_it():
     for r, more in ((0.0, False), (0.1, True)):
         axes = pictures.scalar_separation(r).axes[2]
@@ -31,6 +32,7 @@ def test_the_two_state_picture_has_the_figures_of_the_section():
     assert starts == [(0.8, 0.8)] * 3
 
 
+@pytest.mark.slow
 def test_the_command_draws_where_it_is_told(monkeypatch, capsys, tmp_path):
     monkeypatch.setattr(paper, "all_rows", lambda: [Row("gain", "1.0", 1.0, "here")])
     assert main(["paper", "--figures", str(tmp_path / "new")]) == 0

@@ -1,6 +1,7 @@
 """The table of the BMI loop: one quick case, with everything in it that the table promises."""
 
 import numpy as np
+import pytest
 
 from benchmarks import speed
 from benchmarks.__main__ import main
@@ -21,6 +22,7 @@ def test_the_command_prints_the_table(monkeypatch, capsys):
     assert main(["speed", "alternation"]) == 0 and alternation_table(rows) in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_plants_of_the_suite_are_stable_and_their_laws_have_a_bound_to_lower():
     for case in cases()[-2:]:
         assert case.plant.n == 4 and np.max(np.abs(np.linalg.eigvals(case.plant.A))) < 1.0 and case.inc.W.any()

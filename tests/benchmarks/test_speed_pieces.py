@@ -15,6 +15,7 @@ from inc_casadi.pieces.walk import Budget
 module = importlib.import_module("benchmarks.speed.pieces")  # the package's `pieces` is the function
 
 
+@pytest.mark.slow
 def test_small_loops_are_measured_and_agree_with_their_samples():
     which = [clipped(1, 1), clipped(3, 2, 1), network(2, (3,)), implicit(2, 1, 2)]
     rows = speed.pieces(which)

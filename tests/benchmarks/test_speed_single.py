@@ -8,6 +8,7 @@ from benchmarks.speed import compiled
 from benchmarks.speed.single_evaluation import single_evaluation, single_table
 
 
+@pytest.mark.slow
 def test_every_way_is_measured_in_one_run(monkeypatch):
     if compiled.compiler() is None:
         pytest.skip("no C compiler is installed")

@@ -8,6 +8,7 @@ from benchmarks.__main__ import main
 from benchmarks.speed.training import Run, rows, runs, training, training_table
 
 
+@pytest.mark.slow
 def test_runs_share_seeds_and_keep_to_their_cpu_time():
     measured = runs("NN2", 3, 0.3, (0, 1), ("shooting", "projected"))
     assert [(run.seed, run.form) for run in measured] == [
@@ -28,6 +29,7 @@ def test_medians_and_shares_are_counted_seed_by_seed():
     assert "2.0000  1.053" in training_table([first, second]) and "1.9000      1 " in training_table([first, second])
 
 
+@pytest.mark.slow
 def test_a_form_that_is_too_large_is_left_out():
     assert [row.form for row in training(("NN2",), (9,), 0.05, (0,))] == ["shooting", "projected"]
     assert [row.form for row in training(("NN2",), (3,), 0.05, (0,))] == ["shooting", "projected", "lifted"]

@@ -66,6 +66,7 @@ def scalar(rng):
     return a, v, P, l, rho
 
 
+@pytest.mark.slow
 def test_floats_never_say_yes_before_fractions_do():
     rng, counts = np.random.default_rng(1), {True: 0, False: 0}
     undecided = 0

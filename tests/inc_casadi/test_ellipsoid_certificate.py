@@ -67,6 +67,7 @@ def test_it_speaks_of_its_own_loop_and_claim_only(found):
     assert not replace(found, inc=INC.saturated(0.2 * lqr(TWO_STATES), 1.0)).holds()
 
 
+@pytest.mark.slow
 def test_it_is_saved_and_checked_by_the_command(found, tmp_path):
     found.save(tmp_path / "c.json")
     again = load(tmp_path / "c.json")

@@ -171,6 +171,7 @@ def test_finitely_many_initial_states_are_contained_too():
     assert found.holds() and cost.mean() < found.bound < 1.5 * cost.mean()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("law", "spec", "words"), [
     (net(), asked(Box([-2, -2], [2, 2])), "contains the initial set scaled by 0."),
     (net(), asked(Gaussian([0, 0], np.eye(2))), "unbounded"),

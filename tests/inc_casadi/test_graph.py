@@ -200,6 +200,7 @@ def test_refusals():
         parametric_inc(2, 1, 1, [ReLU()] * 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_a_graph_posed_by_a_multiplier_converges_where_newton_alone_may_cycle(seed):
     rng = np.random.default_rng(seed)

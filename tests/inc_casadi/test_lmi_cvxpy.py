@@ -61,6 +61,7 @@ FEASIBLE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("multiplier", LADDER, ids=lambda multiplier: multiplier.name)
 @pytest.mark.parametrize("name", FEASIBLE)
 def test_three_solvers_agree(name, multiplier):

@@ -59,6 +59,7 @@ def test_a_linear_law_without_units_is_searched_too():
     assert "scaled by 0.9" in snug(setting, np.array([[0.9]]), np.array([[0.2]]))  # 1 / 1.2 is all that the limit allows
 
 
+@pytest.mark.slow
 def test_the_way_with_bent_lines_reaches_where_sectors_do_not():
     # |u| <= 1 holds x+ = 1.5 x + u back for |x| < 2; a sector on the saturation's range says so for less.
     law = INC([[0.0]], [[0.2]], [[-7.0]], [[0.0]], activation=Tanh()).with_saturated_output(Box([-1.0], [1.0]))

@@ -143,6 +143,7 @@ def test_a_sampling_period_is_kept(name):
     assert inc_casadi.simulate(plants(0.5)[1], LAW, [1.0, 0.5], steps=2).t.tolist() == [0.0, 0.5, 1.0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SYNTHESIS)
 def test_synthesis_takes_a_state_space(name):
     agree(SYNTHESIS[name], True)

@@ -78,6 +78,7 @@ def test_refused_start_on_an_unstable_plant_is_made_acceptable():
     assert np.isinf(found.start_bound) and found.certificate.prove()
 
 
+@pytest.mark.slow
 def test_quasi_newton_model_learns_the_curvature():
     plant, inc, claim = draw(*CASES["tanh"], seed=1)
     found = alternate(plant, inc, claim, multiplier="slope", way="gradient", max_rounds=15)

@@ -56,6 +56,7 @@ def by_integrator(plant, spec, inc, nodes, weights, duration, terminal, rtol=1e-
     return x, run.y[-1, -1] + spec.discount**duration * oracles.quadratic(terminal, x) @ weights
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degree", [1, 2, 3])
 def test_halving_the_step_shows_the_order(degree):
     errors = []

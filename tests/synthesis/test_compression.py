@@ -42,6 +42,7 @@ def mean_cost(law, plant, spec, x, steps=300):
     return float(total.mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", UNITS)
 def test_few_units_do_what_twenty_did(problem, compressed, unit):
     (plant, spec, teacher), small = problem, compressed(unit)
@@ -95,6 +96,7 @@ def test_the_second_round_is_taught_where_the_student_goes(problem):
     assert np.array_equal(first[0], second[0]) and not np.allclose(first[3], second[3], atol=1e-3)
 
 
+@pytest.mark.slow
 def test_without_discount_the_compressed_law_is_proved(problem):
     plant, spec, _ = problem
     spec = Spec(spec.Q, spec.R, 1.0, spec.initial, spec.inputs)
@@ -111,6 +113,7 @@ def test_output_feedback_is_taught_too():
     assert "A teacher costs" in small.sentence
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_law(problem):
     same = [compress(*problem, 2, rounds=2, points=200, iterations=4, training_iterations=2, seed=5).inc for _ in range(2)]
     assert np.array_equal(same[0].V, same[1].V) and np.array_equal(same[0].W, same[1].W)

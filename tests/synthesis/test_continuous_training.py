@@ -27,6 +27,7 @@ def true_cost(plant, spec, inc, order=6, duration=20.0, steps=200):
     return float(weights @ ((rate * spec.discount**t) @ simpson) * duration / steps / 3)
 
 
+@pytest.mark.slow
 def test_output_feedback_improves_and_the_cost_is_true():
     start = linear_start([[-1.0]], SPRING, SPEC, hidden=2)
     found = train_continuous(SPRING, SPEC, start, **SMALL)
@@ -36,6 +37,7 @@ def test_output_feedback_improves_and_the_cost_is_true():
     assert {row["phase"] for row in found.history} == {"coarse", "fine"} and found.iterations > 5
 
 
+@pytest.mark.slow
 def test_the_bound_on_W_and_the_limits_are_kept():
     start = random_start(SPRING, SPEC, 3, kappa=0.3, seed=2)
     found = train_continuous(SPRING, SPEC, start, kappa=0.3, **SMALL)
@@ -70,6 +72,7 @@ def test_the_best_law_there_is_stays_as_it_is():
     assert found.cost == found.start_cost == pytest.approx(np.trace(P @ spec.initial.second_moment), rel=1e-7)
 
 
+@pytest.mark.slow
 def test_an_unstable_plant_is_left_to_the_clipped_regulator_or_improved():
     plant = Plant([[0.5, 1.0], [0.0, -0.3]], [[0.0], [1.0]], dt=0)
     spec = Spec(np.eye(2), 0.1, 0.9, Box([-0.4, -0.4], [0.4, 0.4]), Box(-1.0, 1.0))
@@ -93,6 +96,7 @@ def test_without_limits_the_regulator_is_found_from_elsewhere_and_its_cost_certi
     assert proof.prove() and found.cost <= proof.bound * (1 + 1e-7) and proof.bound <= found.cost * (1 + 1e-6)
 
 
+@pytest.mark.slow
 def test_what_is_frozen_stays():
     start = random_start(SPRING, SPEC, 2, seed=3)
     found = train_continuous(SPRING, SPEC, start, frozen=("W", "U"), **SMALL)

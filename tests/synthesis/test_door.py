@@ -82,6 +82,7 @@ def test_adam_trains_in_synthesize():
     assert trained.name == "clipped LQR, trained" and trained.estimate.settled
 
 
+@pytest.mark.slow
 def test_constraints_on_states_hold_on_motions_of_the_trained_law():
     """x_2 may not fall below -0.8: the clipped LQR does, a law trained under the constraint from the same box does not."""
     spec = Spec(SPEC.Q, SPEC.R, 0.95, Box([0.0, -0.4], [2.0, 0.4]), SPEC.inputs)

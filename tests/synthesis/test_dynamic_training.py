@@ -72,6 +72,7 @@ def rolled(dynamic, plant, x, steps=200):
     return np.stack(us, axis=2), x
 
 
+@pytest.mark.slow
 def test_an_interval_written_as_a_polytope_is_the_box(found):
     same = Spec(SPEC.Q, SPEC.R, 0.95, SPEC.initial, Polytope([[1.0], [-1.0]], [0.5, 0.5]))
     polytope = train_dynamic(DOUBLE, same, with_units(DOUBLE, SPEC, START, 2, seed=3), order=7, horizon=20,
@@ -80,6 +81,7 @@ def test_an_interval_written_as_a_polytope_is_the_box(found):
     assert within_limits(polytope.dynamic.readout, SPEC.inputs) and polytope.cost.excess <= 1e-9
 
 
+@pytest.mark.slow
 def test_a_polytope_of_initial_states_is_what_is_trained_for():
     triangle = Polytope([[-1.0, 0.0], [0.0, -1.0], [1.0, 1.0]], [0.2, 0.1, 1.0])
     found = train_dynamic(DOUBLE, Spec(SPEC.Q, SPEC.R, 0.95, triangle, SPEC.inputs),
@@ -89,6 +91,7 @@ def test_a_polytope_of_initial_states_is_what_is_trained_for():
     assert np.max(np.abs(u)) <= 0.5 and np.max(np.abs(u[:, :, -1])) < 1e-6 and np.max(np.abs(x)) < 0.1
 
 
+@pytest.mark.slow
 def test_two_inputs_that_share_a_budget_are_kept_within_it():
     """|u_1| + |u_2| <= 0.6 while each alone may reach 0.6: the trained controller keeps the sum on other motions too."""
     plant = Plant([[1.0, 0.5], [0.0, 0.9]], np.eye(2), [[1.0, 0.0], [0.0, 1.0]])

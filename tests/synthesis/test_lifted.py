@@ -108,6 +108,7 @@ def test_all_forms_end_at_the_same_cost(unit):
     assert max(costs) <= 1.01 * min(costs) and true_cost(plant, spec, start.with_saturated_output(spec.inputs))[0] > 20
 
 
+@pytest.mark.slow
 def test_a_start_that_diverges_is_no_obstacle():
     plant = Plant([[1.1, 1.0], [0.0, 1.02]], [[0.2], [0.5]])
     spec = Spec(np.eye(2), 0.05, 0.98, Box([-0.8, -0.8], [0.8, 0.8]), Box(-1, 1))
@@ -149,6 +150,7 @@ def test_without_readout_the_inner_law_keeps_the_limits_at_the_nodes():
     assert np.max(np.abs(roll(free, minimize_lifted(objective, start, max_iterations=60).law).u)) > 1.1
 
 
+@pytest.mark.slow
 def test_states_are_kept_by_the_law_itself_on_unseen_nodes():
     plant, spec = small()
     K, _ = discounted_lqr(plant, spec)
@@ -162,6 +164,7 @@ def test_states_are_kept_by_the_law_itself_on_unseen_nodes():
     assert kept.cost > free.cost
 
 
+@pytest.mark.slow
 def test_states_that_cannot_be_kept_are_reported():
     plant, spec = small()
     start = linear_start(discounted_lqr(plant, spec)[0], plant, spec, 2)

@@ -29,6 +29,7 @@ def test_with_no_time_at_all_the_bounds_hold_and_are_said_to_be_cut_short():
     assert sum("its share of the time; it holds" in note for note in notes) == len(found) == 3
 
 
+@pytest.mark.slow
 def test_twelve_states_take_their_share_of_the_time_and_no_more():
     """Six masses: 4096 vertices, where all horizons up to 128 take minutes."""
     case, notes = masses(6), []

@@ -10,6 +10,7 @@ UNSTABLE, PAIR = Plant([[1.5]], [[1.0]]), Plant([[1.1, 1.0], [0.0, 1.02]], [[0.2
 UNIT = Box([-1.0], [1.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("plant", "spec", "keywords", "status"), [
     (UNSTABLE, Spec([[1.0]], [[0.1]], 1.0, UNIT, UNIT), {}, "certified"),
     (Plant([[1.2]], [[1.0]]), Spec([[1.0]], [[0.1]], 0.95, UNIT, Box([-0.5], [1.3])), {"hidden": 2}, "certified"),

@@ -33,6 +33,7 @@ def test_one_measurement_of_the_two_state_plant_costs_hardly_more_than_the_state
     assert len(result.history) == 2 and "within 0.1 %" in result.ended
 
 
+@pytest.mark.slow
 def test_a_clipped_gain_that_is_refused_is_followed_by_one_that_is_clipped_less():
     """C = [1, 1]: the unlimited optimum -2.48, clipped, does not get everyone home; halfway to the limited one does."""
     plant, spec = Plant(A, B, [[1.0, 1.0]]), two_state().spec
@@ -68,6 +69,7 @@ def test_a_double_integrator_whose_position_alone_is_measured_is_refused_with_pr
     assert "no other static law is worth trying" in str(result)
 
 
+@pytest.mark.slow
 def test_several_measurements_that_no_gain_found_stabilizes_end_in_bounded_time():
     """Two double integrators, positions only: nothing is decided in advance, nothing is certified, retries end."""
     one = np.array([[1.0, 1.0], [0.0, 1.0]])

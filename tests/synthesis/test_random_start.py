@@ -25,6 +25,7 @@ def test_a_random_implicit_network_is_trained_and_certified_within_two_percent_o
     assert again.holds() and again.bound == result.cost
 
 
+@pytest.mark.slow
 def test_without_discount_a_trained_law_with_biases_rests_exactly_and_is_proved():
     plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.5], [1.0]])
     spec = Spec(np.eye(2), 0.1, 1.0, Box([-3.0, -1.5], [3.0, 1.5]), Box(-0.5, 0.5))
@@ -33,6 +34,7 @@ def test_without_discount_a_trained_law_with_biases_rests_exactly_and_is_proved(
     assert result.cost <= 1.001 * float(result.bounds["any controller"])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("form", ["projected", "lifted"])
 def test_other_forms_of_training_are_certified_too(form):
     plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.5], [1.0]])

@@ -1,6 +1,7 @@
 """Retraining with the certificate: refused laws are certified, bounds fall, limits and numbers stay honest."""
 
 import numpy as np
+import pytest
 from bmi_draws import draw
 
 from inc_casadi import INC, Box, Plant, ReLU, Spec, Tanh, certify
@@ -25,6 +26,7 @@ def test_a_bound_falls_and_the_result_says_before_and_after():
     assert f"certified bound {last.before:.7g} before" in last.note and last.training[-1][1] <= last.before
 
 
+@pytest.mark.slow
 def test_a_refused_law_is_penalized_and_certified():
     plant, spec, inc, claim = problem(2, 1, 1, 4, ReLU(), size=2.0, seed=3)
     tried = certify(plant, inc, claim, multiplier="sector")

@@ -206,6 +206,7 @@ def test_retries_end_after_two_rounds_when_nothing_helps(monkeypatch):
     assert found.history[1].task.of == "random, trained, 0" and found.history[1].task.why == Cause.KINK.value
 
 
+@pytest.mark.slow
 def test_seconds_bound_the_search():
     began = time.monotonic()
     result = synthesize(PLANT, SPEC, hidden=2, tol=0.0, seconds=2.0, training_iterations=10, verbose=False)

@@ -111,6 +111,7 @@ def test_where_no_gain_helps_it_is_said(monkeypatch):
     assert not small.rest.holds and np.isnan(small.given_way) and "does not settle" in small.sentence
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("units", [1, 3])
 def test_few_units_and_little_training_settle_the_masses(units):
     case = masses(3)

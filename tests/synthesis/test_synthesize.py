@@ -125,6 +125,7 @@ def test_a_linear_gain_that_exceeds_the_limits_later_is_told_apart():
     assert keeps_limits(plant, ball, np.array([[-0.5, -1.0]])) and not keeps_limits(plant, ball, np.array([[0.0, -5.1]]))
 
 
+@pytest.mark.slow
 def test_where_an_ellipsoid_bounds_the_cost_loosely_gains_that_clip_less_are_tried_too():
     """Not cut into pieces; the last one is never clipped, so that its cost is known."""
     spec = Spec(np.eye(2), [[0.05]], 0.98, Ellipsoid(2.2 * np.eye(2)), Box([-1.0], [1.0]))

@@ -153,6 +153,7 @@ def test_frozen_matrices_stay():
     assert np.array_equal(result.inner.W, start.W) and np.array_equal(result.inner.U, start.U)
 
 
+@pytest.mark.slow
 def test_a_polytope_of_inputs_is_kept_on_unseen_states_and_used_beyond_its_box():
     diamond = Polytope([[1, 1], [1, -1], [-1, 1], [-1, -1]], [0.8] * 4)
     plant, spec = three_state(diamond)

@@ -63,6 +63,7 @@ def feasible(predictive_law):
     return feasible_set(predictive_law)
 
 
+@pytest.mark.slow
 def test_worst_error_of_a_net_trained_on_a_predictive_law(predictive_law, feasible):
     data = reference("neural_controllers/evanqp_double_integrator_qp.json")
     net, mpc = network(data), predictive_law

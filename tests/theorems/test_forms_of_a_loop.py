@@ -111,6 +111,7 @@ def test_bounds_are_the_same_in_every_form_of_a_loop(kind, bias, form):
         assert search(*there, rung).require().bound == pytest.approx(bound, rel=2e-5), rung
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rung", LADDER)
 def test_verdicts_are_the_same_in_every_form_of_a_loop(rung):
     # Either side of the largest gain at which the rung proves stability, by a few per cent.

@@ -193,6 +193,7 @@ def test_no_rung_proves_a_loop_in_which_a_motion_grows(example):
             assert not proves((Plant(A, B, C), law), rung), rung
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make", "example", "gain", "rung"),
     [

@@ -56,6 +56,7 @@ def net_from(share):
                                       budget=Budget(pieces=10**6, seconds=300))
 
 
+@pytest.mark.slow
 def test_the_net_converges_to_its_own_equilibrium_from_half_the_feasible_set():
     """The published proof (113 to 135 s) is of the origin, where the net's control is not zero: no equilibrium."""
     plant, net, start, certificate = net_from(0.5)

@@ -79,6 +79,7 @@ def test_it_does_not_stop_before_the_inputs_have_reached_the_cost():
     assert bound.horizons[1][1] < 1e-11 and bound.value > 0.5 and bound.holds()
 
 
+@pytest.mark.slow
 def test_a_cost_without_limit_is_seen_to_grow():
     bound = affine_moves(Plant(2.0, 1.0), Spec(1.0, 0.0, 1.0, Box(-2, 2), Box(-1, 1)))
     assert bound.value > 1e6 and bound.holds()

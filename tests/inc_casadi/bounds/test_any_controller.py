@@ -74,6 +74,7 @@ def test_halving_ends_when_little_is_to_be_gained():
     assert SATURATED - fine.value < 3e-5 * SATURATED
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name, n, m", [("tetrahedra", 3, 2), ("box", 4, 2), ("triangles", 2, 2)])
 def test_more_states_and_inputs_bounds_grow_and_stay_below_a_law(name, n, m):
     rng = np.random.default_rng(n)

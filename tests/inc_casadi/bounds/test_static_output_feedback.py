@@ -118,6 +118,7 @@ def test_without_limits_a_single_output_gain_is_found_on_a_line():
     assert bound.holds() and np.min(costs) * (1 - 2e-4) < bound.value <= np.min(costs)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("initial", [
     Uniform(Ellipsoid(np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.2], [0.0, 0.2, 1.5]]), [0.1, -0.1, 0.2])),
     Polytope.from_vertices(np.array([[1.0, 0, 0, -1, 0.3], [0, 1.0, 0, -1, 0.2], [0, 0, 1.0, -0.5, -1.0]])),

@@ -58,6 +58,7 @@ def test_certified_rate_of_the_full_state_bounds_the_driven_estimate():
     assert np.max(np.abs(run.x[:, :, -1])) < 1e-3 * np.max(np.abs(start))
 
 
+@pytest.mark.slow
 def test_stable_plant_is_certified_globally_with_memory():
     spec = Spec(np.diag([1.0, 2.0, 0.5]), 0.2, 0.97, Box([-1, -0.5, -0.3], [1, 0.5, 0.6]))
     dynamic = observer(STABLE, GAIN, clipped(STABLE, 0.2), [0.1, -0.2, 0.0])

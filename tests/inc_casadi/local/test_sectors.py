@@ -60,6 +60,7 @@ def test_one_state_reaches_almost_to_the_next_equilibrium():
     assert 0.97 * 9.999 < found.volume < 9.9991
 
 
+@pytest.mark.slow
 def test_a_saturated_net_reaches_almost_as_far_as_any_bounded_input():
     # |u| <= 1 holds x+ = 1.5 x + u back for |x| < 2 and no further; the net saturates well before.
     inc = INC([[0.0]], [[0.2]], [[-7.0]], [[0.0]], activation=Tanh()).with_saturated_output(Box([-1.0], [1.0]))
@@ -70,6 +71,7 @@ def test_a_saturated_net_reaches_almost_as_far_as_any_bounded_input():
     assert beyond.margins()["decrease"] > 0 > beyond.margins()["room of unit 1"]      # the bending law asks too much
 
 
+@pytest.mark.slow
 def test_a_deep_relu_net_about_a_rest_inside_its_pieces():
     # Two layers of ReLU that pass x on, a tanh that limits it: the pieces' linear law as long as no kink is reached.
     W = np.zeros((3, 3))
@@ -145,6 +147,7 @@ def test_input_limits_that_are_not_built_in_have_multipliers_that_matter():
     assert "input limit" in bad.reason
 
 
+@pytest.mark.slow
 def test_another_order_of_units_or_other_coordinates_say_the_same():
     rng = np.random.default_rng(8)
     plant, inc = neural(rng, feedback=0.2)

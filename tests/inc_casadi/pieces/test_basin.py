@@ -45,6 +45,7 @@ def test_certified_points_converge_and_few_that_converge_are_missed():
     np.testing.assert_allclose(basin.volume, basin.share * region.volume)
 
 
+@pytest.mark.slow
 def test_cells_do_not_overlap():
     basin = region_of_attraction(PLANT, INC.saturated(GAIN, 1.0), Box([-3.0, -2.0], [3.0, 2.0]), smallest=1e-3,
                                   budget=Budget(seconds=6))
@@ -68,6 +69,7 @@ def test_where_an_input_breaks_its_limit_nothing_is_certified():
     assert not np.any(inside & ~good) and inside.sum() > 0.97 * good.sum() > 100
 
 
+@pytest.mark.slow
 def test_an_implicit_law_with_bias_converges_to_its_own_equilibrium():
     inc = INC([[0.2, -0.3], [0.1, 0.0]], [[1.0, 0.5], [0.0, 1.0]], [[-0.2, -0.1]], GAIN, [0.3, -0.2], [0.05], ReLU())
     plant = Plant([[0.9, 0.5], [0.0, 1.02]], [[0.2], [0.5]])
@@ -78,6 +80,7 @@ def test_an_implicit_law_with_bias_converges_to_its_own_equilibrium():
     np.testing.assert_allclose(x[:, :, -1], np.repeat(basin.equilibrium[:, None], 3, axis=1), atol=1e-6)
 
 
+@pytest.mark.slow
 def test_a_small_budget_keeps_what_was_certified():
     region, few_pieces = Box([-6.0, -2.5], [6.0, 2.5]), Budget(pieces=30, seconds=4)
     few = region_of_attraction(PLANT, INC.saturated(GAIN, 1.0), region, budget=few_pieces)

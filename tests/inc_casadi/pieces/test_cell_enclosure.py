@@ -180,6 +180,7 @@ def test_magnitudes_are_those_of_the_walk():
     assert placed(np.array(1.0)).item() == 1 << 256
 
 
+@pytest.mark.slow
 def test_a_published_net_of_75_units_is_proved_from_a_box():
     """The ReLU net of the EvanQP authors for the double integrator: bounds from slopes alone grow 2e8 times in a step."""
     data = reference("neural_controllers/evanqp_double_integrator_qp.json")

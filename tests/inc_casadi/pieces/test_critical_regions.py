@@ -52,6 +52,7 @@ def test_multipliers_and_slacks_satisfy_the_optimality_conditions():
         np.testing.assert_allclose(laws.Gx[i] @ point + laws.g[i], v[:2], atol=1e-9)
 
 
+@pytest.mark.slow
 def test_the_regions_are_those_of_all_active_sets_tried_one_by_one():
     plant = Plant([[1.0, 1.0], [0.0, 1.0]], [[0.3], [1.0]])
     mpc = MPC(plant, np.diag([1.0, 0.3]), [[0.2]], 3, Box([-1.0], [0.8]), states=Box([-4.0, -3.0], [5.0, 1.5]))

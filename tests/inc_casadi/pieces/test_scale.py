@@ -48,6 +48,7 @@ def test_what_is_not_piecewise_affine_is_refused():
         largest_scale(Plant([[0.5]], [[1.0]]), INC([[0.1]], [[1.0]], [[0.3]], [[0.0]], activation=Tanh()), claim)
 
 
+@pytest.mark.slow
 def test_a_slow_motion_refutes_nothing(monkeypatch):
     """x+ = x + u / 250 with u = sat(-x): from 16 the way to rest takes 3750 steps, and every motion comes to rest."""
     monkeypatch.setattr("inc_casadi.pieces.scale.LARGEST", 16.0)

@@ -77,6 +77,7 @@ def test_an_unstable_plant_is_refused_just_where_its_open_loop_costs_without_end
         law(1.112)
 
 
+@pytest.mark.slow
 def test_six_masses_have_a_certified_start_whatever_the_units_of_their_states():
     case = masses(6)
     for decades in (0.0, 3.0):

@@ -67,6 +67,7 @@ def test_the_yardstick_gives_the_published_costs():
     assert costs(INC.saturated(ends.K, 0.5), STATES) == pytest.approx(REGULATOR, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_predictive_start_closes_the_gap_at_both_states_and_on_average():
     start = predictive()
     closed = (REGULATOR - costs(start.inc, STATES)) / (REGULATOR - OPTIMUM)

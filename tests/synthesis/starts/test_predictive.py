@@ -71,6 +71,7 @@ def test_no_more_units_are_tried_than_allowed(problem):
     assert [units for _, units, _ in start.tried] == [2, 4]
 
 
+@pytest.mark.slow
 def test_a_predictive_start_is_certified_below_the_clipped_regulator():
     plant, spec = two_integrators()
     start = predictive_start(plant, spec, tol=1e-6)
