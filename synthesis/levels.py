@@ -23,9 +23,11 @@ _MUMPS = {"ipopt.mumps_permuting_scaling": 0, "ipopt.mumps_pivot_order": 5}
 class Form(Protocol):
     """An NLP for each width over which kinks are rounded, all with the same variables and bounds."""
 
-    def problem(self, smoothing: float) -> Stagewise: ...
+    def problem(self, smoothing: float) -> Stagewise:
+        """Return the NLP whose kinks are rounded over this width."""
 
-    def bounds(self) -> dict[str, Array]: ...
+    def bounds(self) -> dict[str, Array]:
+        """Return the bounds of its variables and constraints, by IPOPT's names."""
 
 
 def by_levels(form: Form, levels: tuple[float, ...], x0: Array, max_iterations: int, track: Track,
