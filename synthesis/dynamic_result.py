@@ -19,12 +19,11 @@ from inc_casadi.comparison.floors import Floor
 from inc_casadi.comparison.row import CERTIFIED as LIMITS_CERTIFIED
 from inc_casadi.comparison.row import EXACT, SIMULATED, UPPER, Cost, Finding, Row
 from inc_casadi.dynamic import DynamicCertificate, DynamicINC
-from inc_casadi.errors import NotCertifiedError
 from inc_casadi.estimate import Estimate
 
 from .comparison import THIS
 from .gate import Verdict
-from .result import CERTIFIED, EVIDENCE, FAILED
+from .result import CERTIFIED, refuse_uncertified, status_of
 
 
 @final
@@ -85,12 +84,7 @@ class DynamicResult(Brief):
     def status(self) -> str:
         """"certified" when a certificate holds, else "simulation evidence" when all simulated motions keep the limits and
         come to rest, else "failed"."""
-        if self.certificate is not None and self.certificate.holds():
-            return CERTIFIED
-        run = self.estimate
-        if run is not None and run.settled and np.isfinite(run.mean) and run.excess <= 1e-9:
-            return EVIDENCE
-        return FAILED
+        return status_of(self.certificate, self.estimate)
 
     @property
     def cost(self) -> float:
@@ -104,9 +98,7 @@ class DynamicResult(Brief):
 
     def require(self) -> DynamicResult:
         """Return the result itself when it is certified; raises NotCertifiedError with the reasons otherwise."""
-        if self.status != CERTIFIED:
-            refusals = self.chosen.verdict.refusals if self.chosen and self.chosen.verdict else ()
-            raise NotCertifiedError(f"status is {self.status!r}: " + "; ".join((*refusals, *self.notes)))
+        refuse_uncertified(self)
         return self
 
     def comparison(self) -> Comparison:

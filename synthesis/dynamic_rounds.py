@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import BrokenExecutor, Executor
+from collections.abc import Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from typing import final
 
 import numpy as np
 
 from inc_casadi.brief import Brief
-from inc_casadi.figures import at_most
 
+from .closing import ordeal
 from .dynamic_attempts import DynamicTask, attempt_dynamic
 from .dynamic_result import DynamicAttempt
 from .one_thread import one_thread
 from .progress import Progress, counted
-from .rounds import Goal
+from .rounds import Goal, one_round
 
 BEST = 2  # of so many certified controllers training begins, in each round
 LATER_ROUNDS = 1  # of training, when neither seconds nor rounds are given
@@ -57,13 +56,8 @@ def search_dynamic(first: Sequence[DynamicTask], goal: Goal, executor: Executor 
 def best_of(history: Sequence[DynamicAttempt]) -> DynamicAttempt | None:
     """Return the certified attempt with the lowest certified cost, else the one that simulates best, or None."""
     certified = min((one for one in history if one.certified), key=lambda one: one.cost, default=None)
-    return certified or min((one for one in history if one.estimate is not None), key=ordeal, default=None)
-
-
-def ordeal(one: DynamicAttempt) -> tuple[bool, bool, float]:
-    """What simulation has against an attempt: no rest, a limit exceeded, the cost."""
-    assert one.estimate is not None
-    return not one.estimate.settled, one.estimate.excess > 1e-9, one.estimate.mean
+    return certified or min((one for one in history if one.estimate is not None),
+                            key=lambda one: ordeal(one.estimate), default=None)
 
 
 def later(history: Sequence[DynamicAttempt], template: DynamicTask, turn: int) -> tuple[DynamicTask, ...]:
@@ -89,54 +83,12 @@ def later(history: Sequence[DynamicAttempt], template: DynamicTask, turn: int) -
 
 def _round(tasks: Sequence[DynamicTask], history: list[DynamicAttempt], goal: Goal, executor: Executor | None,
            progress: Progress) -> str:
-    """Make a round of attempts; return why the search is over, or ""."""
-    before = len(history)
-    try:
-        for one in _attempts([replace(task, until=goal.until) for task in tasks], history, goal, executor, progress):
-            history.append(one)
-            progress.say(outcome(one))
-            if goal.reached(one.cost):
-                return f"the certified cost is within {100 * goal.tol:g} % of what no controller can go below"
-    except KeyboardInterrupt:
-        return f"interrupted after {len(history) - before} of {len(tasks)} attempts: this is the best of those"
-    except BrokenExecutor as error:
-        return f"the executor broke after {len(history) - before} of {len(tasks)} attempts: {error}"
-    return "the time is over" if len(history) - before < len(tasks) or goal.is_late else ""
+    def keep(task: DynamicTask, one: DynamicAttempt) -> float:
+        history.append(one)
+        return one.cost
 
+    def best() -> float:
+        return min((one.cost for one in history), default=np.inf)
 
-def _attempts(tasks: Sequence[DynamicTask], history: list[DynamicAttempt], goal: Goal, executor: Executor | None,
-              progress: Progress) -> Iterator[DynamicAttempt]:
-    """Yield the attempts in order, as long as there is time; the first of all is always made."""
-    def say(names: list[str]) -> None:
-        progress.trying(names, min((one.cost for one in history), default=np.inf), goal.floor)
-
-    if executor is None:
-        for task in tasks:
-            if history and goal.is_late:
-                return
-            say([task.name])
-            with progress.during(task.name):
-                one = attempt_dynamic(task)
-            yield one
-        return
-    say([task.name for task in tasks])
-    futures = [executor.submit(attempt_dynamic, task) for task in tasks]
-    try:
-        for future in futures:
-            with progress.during(f"{sum(not one.done() for one in futures)} attempts"):
-                made = future.result(timeout=None if np.isinf(goal.until) else max(0.0, goal.until - time.time()) + 10.0)
-            yield made
-    except TimeoutError:
-        return
-    finally:
-        for future in futures:
-            future.cancel()
-
-
-def outcome(one: DynamicAttempt) -> str:
-    """Return what came of an attempt, in a line."""
-    if one.verdict is None or one.estimate is None:
-        return f"{one.name}: no candidate, {one.note}"
-    if one.certified:
-        return f"{one.name}: certified cost at most {at_most(one.cost)}"
-    return f"{one.name}: not certified, simulated cost {one.estimate.mean:.4f}; {next(iter(one.verdict.refusals), '')}"
+    return one_round([replace(task, until=goal.until) for task in tasks], attempt_dynamic, keep, best, not history, goal,
+                     executor, progress)

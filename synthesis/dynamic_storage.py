@@ -20,6 +20,7 @@ from inc_casadi.output_range import within_limits
 from .causes import Cause
 from .dynamic_result import DynamicAttempt, DynamicResult
 from .gate import Verdict
+from .storage import place_of, written
 
 _OF_EXTENDED = (MatrixCertificate, UnswitchedCost, ClippedCost)  # what speaks of the extended loop
 
@@ -27,8 +28,7 @@ _OF_EXTENDED = (MatrixCertificate, UnswitchedCost, ClippedCost)  # what speaks o
 def save_dynamic_result(result: DynamicResult, path: str | Path) -> None:
     """Write a result with its certificate, bounds, attempts and notes to a JSON file."""
     parts = {field.name: getattr(result, field.name) for field in fields(DynamicResult)}
-    place = next((i for i, attempt in enumerate(result.history) if attempt is result.chosen), None)
-    save(parts | {"history": [_written(attempt) for attempt in result.history], "chosen": place}, path)
+    save(parts | {"history": [written(attempt) for attempt in result.history], "chosen": place_of(result)}, path)
 
 
 def load_dynamic_result(path: str | Path) -> DynamicResult:
@@ -81,15 +81,6 @@ def _stranger(result: DynamicResult) -> str:
 
 def _swapped(loop: tuple[Any, Any], spec: Any) -> tuple[Any, Any, Any]:
     return loop[0], spec, loop[1]
-
-
-def _written(attempt: DynamicAttempt) -> dict[str, Any]:
-    parts = {field.name: getattr(attempt, field.name) for field in fields(DynamicAttempt)}
-    verdict = attempt.verdict
-    if verdict is not None:
-        parts["verdict"] = {field.name: getattr(verdict, field.name) for field in fields(Verdict)}
-        parts["verdict"]["causes"] = [cause.name for cause in verdict.causes]
-    return parts
 
 
 def _read(parts: Mapping[str, Any]) -> DynamicAttempt:

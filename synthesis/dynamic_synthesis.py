@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
@@ -14,12 +13,12 @@ import numpy as np
 from inc_casadi import INC, Plant, ReLU, Spec
 from inc_casadi.activations import Activation
 from inc_casadi.arrays import number
-from inc_casadi.certificate import Certificate, Proof
-from inc_casadi.dynamic import DynamicCertificate, DynamicINC
+from inc_casadi.dynamic import DynamicINC
 from inc_casadi.errors import DimensionError, InvalidInputError
 from inc_casadi.estimate import Estimate
 from inc_casadi.sets.rules import whole
 
+from .closing import phase, remarks, settled
 from .door import check, names_in, problem
 from .dynamic_attempts import DynamicTask
 from .dynamic_result import DynamicAttempt, DynamicResult
@@ -106,19 +105,19 @@ def synthesize_dynamic(plant: Any, spec: Spec, *, hidden: int = 8, activation: A
     rounds = None if rounds is None else whole("rounds", rounds, 1)
     patience = None if proof_seconds is None else number("proof_seconds", proof_seconds, 0.0)
     took: dict[str, float] = {}
-    with _phase(took, "bounds"):
+    with phase(took, "bounds"):
         lower = lower_bounds(plant, spec, notes, progress)
-    with _phase(took, "search and proof"):
+    with phase(took, "search and proof"):
         goal = Goal(floor(lower), number("tol", tol, 0.0), rounds, began + progress.seconds)
         found = search_dynamic(_first(template, names, given), goal, executor, progress)
     best = best_of(found.history)
-    with _phase(took, "simulation"):
+    with phase(took, "simulation"):
         run = _simulated(plant, spec, best, seed, progress)
     certificate = best.verdict.certificate if best and best.verdict else None
-    with _phase(took, "rigorous proof"):
-        proof = _settled(certificate, patience, notes, progress)
+    with phase(took, "rigorous proof"):
+        proof = settled(certificate, patience, notes, progress)
     took["in all"] = progress.elapsed
-    notes += _remarks(found.history, best, found.ended)
+    notes += remarks(found.history, best, found.ended)
     ended = f"{counted(len(found.history), 'attempt')} in {counted(found.rounds, 'round')}; {found.ended}"
     return DynamicResult(plant, spec, best.dynamic if best else None, certificate, proof, run, lower, found.history,
                          tuple(notes), took, best, ended)
@@ -145,43 +144,9 @@ def _first(template: DynamicTask, names: Sequence[str], given: Sequence[DynamicI
     return (*own, *(replace(template, name=name) for name in names))
 
 
-def _remarks(history: Sequence[DynamicAttempt], best: DynamicAttempt | None, ended: str) -> list[str]:
-    """What a reader must know besides: interruptions, time limits, and all reasons where nothing is certified."""
-    notes = [ended] if ended.startswith(("interrupted", "the executor")) else []
-    if best is None or not best.certified:
-        notes += [f"{one.name}: {reason}" for one in history if one is not best
-                  for reason in ([one.note] if one.verdict is None else one.verdict.refusals)]
-    timed = [one.name for one in history if one.timed]
-    if timed:
-        notes.append(f"cut short by a time limit, so that another machine may find another answer: {'; '.join(timed)}")
-    return notes
-
-
 def _simulated(plant: Plant, spec: Spec, best: DynamicAttempt | None, seed: int, progress: Progress) -> Estimate | None:
     """Simulate from more points than the attempt did, unless its motions do not come to rest anyway or the time is over."""
     if best is None or best.dynamic is None or best.estimate is None or not best.estimate.settled or progress.is_late:
         return None if best is None else best.estimate
     with progress.during("simulation"):
         return simulated_dynamic(plant, spec, best.dynamic, seed=seed)
-
-
-def _settled(certificate: Certificate | None, limit: float | None, notes: list[str], progress: Progress) -> Proof | None:
-    if certificate is None:
-        return None
-    progress.say("settling the proof rigorously")
-    try:
-        with progress.during("the rigorous proof"):
-            proof = certificate.prove(limit) if isinstance(certificate, DynamicCertificate) else certificate.prove()
-    except KeyboardInterrupt:
-        notes.append("interrupted while the proof was settled rigorously: it holds in floating point")
-        return None
-    progress.say(f"proved rigorously: {proof.method}" if proof else f"not settled rigorously: {proof.reason}")
-    return proof
-
-
-@contextmanager
-def _phase(seconds: dict[str, float], name: str) -> Iterator[None]:
-    """Put the wall time of a block into a table."""
-    start = time.monotonic()
-    yield
-    seconds[name] = time.monotonic() - start

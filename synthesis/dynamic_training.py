@@ -22,6 +22,7 @@ from inc_casadi.sets.rules import whole
 from inc_casadi.simulate import simulate
 from inc_casadi.spec import Spec
 
+from .closing import ordeal
 from .input_box import box_and_limits
 from .training import Training, train
 
@@ -111,7 +112,7 @@ def train_dynamic(plant: Any, spec: Spec, start: DynamicINC, *, order: int | Non
     if box is not None:
         trained, start = (_limited(one, box) for one in (trained, start))
     before, after = (simulated_dynamic(plant, spec, one, _JUDGED, seed) for one in (start, trained))
-    if _ordeal(after) >= _ordeal(before):
+    if ordeal(after) >= ordeal(before):
         trained, after = start, before
     return DynamicTraining(trained, start, after, before, found)
 
@@ -174,11 +175,6 @@ def simulated_dynamic(plant: Plant, spec: Spec, dynamic: DynamicINC, samples: in
     anywhere = None if spec.inputs is None else Box(np.full(dynamic.order, -_FAR), np.full(dynamic.order, _FAR))
     wide, law = extended(plant, dynamic)
     return estimate(wide, law, extended_spec(spec, dynamic, anywhere), samples=samples, seed=seed)
-
-
-def _ordeal(run: Estimate) -> tuple[bool, bool, float]:
-    """What simulation has against a controller: no rest, a limit exceeded, the cost."""
-    return not run.settled, run.excess > _EXCESS, run.mean
 
 
 def _memory(wide: Plant, dynamic: DynamicINC, spec: Spec, seed: int) -> Box:

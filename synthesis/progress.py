@@ -7,12 +7,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from threading import Event, Thread
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from inc_casadi.figures import at_least, at_most
 
 from .result import Attempt
+
+if TYPE_CHECKING:
+    from .dynamic_result import DynamicAttempt
 
 SILENCE = 5.0  # seconds after which a long task is said to go on
 
@@ -104,7 +108,7 @@ def counted(number: int, noun: str) -> str:
     return f"{number} {noun}" + ("" if number == 1 else "s")
 
 
-def outcome(one: Attempt) -> str:
+def outcome(one: Attempt | DynamicAttempt) -> str:
     """Return what came of an attempt, in a line."""
     if one.verdict is None or one.estimate is None:
         return f"{one.name}: no candidate, {one.note}"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -22,7 +22,27 @@ from inc_casadi.regional_certificate import RegionalCertificate
 
 from .gate import Verdict
 
+if TYPE_CHECKING:
+    from .dynamic_result import DynamicResult
+
 CERTIFIED, EVIDENCE, FAILED = "certified", "simulation evidence", "failed"
+
+
+def status_of(certificate: Certificate | None, run: Estimate | None) -> str:
+    """Return "certified" when a certificate holds, else "simulation evidence" when all simulated motions keep the limits and
+    come to rest, else "failed"."""
+    if certificate is not None and certificate.holds():
+        return CERTIFIED
+    if run is not None and run.settled and np.isfinite(run.mean) and run.excess <= 1e-9:
+        return EVIDENCE
+    return FAILED
+
+
+def refuse_uncertified(result: Result | DynamicResult) -> None:
+    """Raise NotCertifiedError with the reasons unless the result is certified."""
+    if result.status != CERTIFIED:
+        refusals = result.chosen.verdict.refusals if result.chosen and result.chosen.verdict else ()
+        raise NotCertifiedError(f"status is {result.status!r}: " + "; ".join((*refusals, *result.notes)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,12 +103,7 @@ class Result(Brief):
     def status(self) -> str:
         """"certified" when a certificate holds, else "simulation evidence" when all simulated motions keep the limits and
         come to rest, else "failed"."""
-        if self.certificate is not None and self.certificate.holds():
-            return CERTIFIED
-        run = self.estimate
-        if run is not None and run.settled and np.isfinite(run.mean) and run.excess <= 1e-9:
-            return EVIDENCE
-        return FAILED
+        return status_of(self.certificate, self.estimate)
 
     @property
     def cost(self) -> float:
@@ -106,9 +121,7 @@ class Result(Brief):
 
     def require(self) -> Result:
         """Return the result itself when it is certified; raises NotCertifiedError with the reasons otherwise."""
-        if self.status != CERTIFIED:
-            refusals = self.chosen.verdict.refusals if self.chosen and self.chosen.verdict else ()
-            raise NotCertifiedError(f"status is {self.status!r}: " + ("; ".join((*refusals, *self.notes))))
+        refuse_uncertified(self)
         return self
 
     def __str__(self) -> str:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
 from concurrent.futures import TimeoutError as FutureTimeout
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -16,9 +17,16 @@ from .one_thread import one_thread
 from .progress import Progress, counted, outcome
 from .result import Attempt
 
+if TYPE_CHECKING:
+    from .dynamic_attempts import DynamicTask
+    from .dynamic_result import DynamicAttempt
+
 REPAIRS = 2  # rounds of retries when neither seconds nor rounds are given
 MOST_ROUNDS = 40
 GRACE = 10.0  # seconds that an attempt in another process may be late
+
+T = TypeVar("T", Task, "DynamicTask")
+A = TypeVar("A", Attempt, "DynamicAttempt")
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,42 +110,56 @@ def _is_last(number: int, goal: Goal) -> bool:
 
 def _round(tasks: tuple[Task, ...], history: list[Done], goal: Goal, executor: Executor | None,
            progress: Progress) -> str:
-    """Make a round of attempts; return why the search is over, or ""."""
-    tasks = tuple(replace(task, until=goal.until) for task in tasks)
-    before = len(history)
+    def keep(task: Task, one: Attempt) -> float:
+        history.append(Done(task, one))
+        return cost_of(history[-1])
+
+    def best() -> float:
+        found = best_certified(history)
+        return np.inf if found is None else cost_of(found)
+
+    return one_round(tuple(replace(task, until=goal.until) for task in tasks), attempt, keep, best, not history, goal,
+                     executor, progress)
+
+
+def one_round(tasks: Sequence[T], make: Callable[[T], A], keep: Callable[[T, A], float], best: Callable[[], float],
+              first: bool, goal: Goal, executor: Executor | None, progress: Progress) -> str:
+    """Make a round of attempts; return why the search is over, or "".
+
+    make : an attempt of a task, here or, by an executor, elsewhere; keep : puts it into the history and returns its
+    certified cost; best : the lowest so far; first : whether nothing was tried before, for the first attempt of all is
+    always made
+    """
+    done = 0
     try:
-        for task, one in zip(tasks, _attempts(tasks, history, goal, executor, progress), strict=False):
-            history.append(Done(task, one))
+        for task, one in zip(tasks, _attempts(tasks, make, best, first, goal, executor, progress), strict=False):
+            cost, done = keep(task, one), done + 1
             progress.say(outcome(one))
             if "interrupted" in one.note:
                 raise KeyboardInterrupt
-            if goal.reached(cost_of(history[-1])):
+            if goal.reached(cost):
                 return f"the certified cost is within {100 * goal.tol:g} % of what no controller can go below"
     except KeyboardInterrupt:
-        return f"interrupted after {len(history) - before} of {len(tasks)} attempts: this is the best of those"
+        return f"interrupted after {done} of {len(tasks)} attempts: this is the best of those"
     except BrokenExecutor as error:
-        return f"the executor broke after {len(history) - before} of {len(tasks)} attempts: {error}"
-    return "the time is over" if len(history) - before < len(tasks) or goal.is_late else ""
+        return f"the executor broke after {done} of {len(tasks)} attempts: {error}"
+    return "the time is over" if done < len(tasks) or goal.is_late else ""
 
 
-def _attempts(tasks: tuple[Task, ...], history: list[Done], goal: Goal, executor: Executor | None,
-              progress: Progress) -> Iterator[Attempt]:
-    """Yield the attempts in order, as long as there is time; the first of all is always made."""
-    def say(names: list[str]) -> None:
-        best = best_certified(history)
-        progress.trying(names, np.inf if best is None else cost_of(best), goal.floor)
-
+def _attempts(tasks: Sequence[T], make: Callable[[T], A], best: Callable[[], float], first: bool, goal: Goal,
+              executor: Executor | None, progress: Progress) -> Iterator[A]:
+    """Yield the attempts in order, as long as there is time."""
     if executor is None:
-        for task in tasks:
-            if history and goal.is_late:
+        for number, task in enumerate(tasks):
+            if goal.is_late and (number or not first):
                 return
-            say([task.name])
+            progress.trying([task.name], best(), goal.floor)
             with progress.during(task.name):
-                one = attempt(task)
+                one = make(task)
             yield one
         return
-    say([task.name for task in tasks])
-    futures = [executor.submit(attempt, task) for task in tasks]
+    progress.trying([task.name for task in tasks], best(), goal.floor)
+    futures = [executor.submit(make, task) for task in tasks]
     try:
         for future in futures:
             with progress.during(f"{sum(not one.done() for one in futures)} attempts"):
@@ -150,7 +172,7 @@ def _attempts(tasks: tuple[Task, ...], history: list[Done], goal: Goal, executor
             future.cancel()
 
 
-def _result(future: Future[Attempt], goal: Goal) -> Attempt | None:
+def _result(future: Future[A], goal: Goal) -> A | None:
     """What came of an attempt elsewhere, None where it is late."""
     left = None if np.isinf(goal.until) else max(0.0, goal.until - time.time()) + GRACE
     try:

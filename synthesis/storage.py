@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,6 +21,9 @@ from inc_casadi.interchange.agreement import limits_kept, strange_bound, strange
 from .causes import Cause
 from .gate import Verdict
 from .result import Attempt, Result
+
+if TYPE_CHECKING:
+    from .dynamic_result import DynamicAttempt, DynamicResult
 
 OLDEST = ("plant", "spec", "inc", "certificate", "figures")
 """What every file of a result has; those written first have no more."""
@@ -81,7 +84,7 @@ class SavedResult(Brief):
 def save_result(result: Result, path: str | Path) -> None:
     """Write a result with its certificate, bounds, attempts and notes to a JSON file."""
     parts = {field.name: getattr(result, field.name) for field in fields(Result)}
-    parts |= {"history": [_written(attempt) for attempt in result.history], "chosen": _place(result),
+    parts |= {"history": [written(attempt) for attempt in result.history], "chosen": place_of(result),
               "figures": _figures(result)}
     save(parts, path)
 
@@ -119,13 +122,14 @@ def _figures(result: Result) -> dict[str, float]:
     return {name: value for name, value in figures.items() if np.isfinite(value)}
 
 
-def _place(result: Result) -> int | None:
-    """Where among the attempts the chosen one is."""
+def place_of(result: Result | DynamicResult) -> int | None:
+    """Return where among the attempts the chosen one is."""
     return next((i for i, attempt in enumerate(result.history) if attempt is result.chosen), None)
 
 
-def _written(attempt: Attempt) -> dict[str, Any]:
-    parts = {field.name: getattr(attempt, field.name) for field in fields(Attempt)}
+def written(attempt: Attempt | DynamicAttempt) -> dict[str, Any]:
+    """Return an attempt as it stands in a file: by the names of its fields, the causes of its verdict by theirs."""
+    parts = {field.name: getattr(attempt, field.name) for field in fields(attempt)}
     verdict = attempt.verdict
     if verdict is not None:
         parts["verdict"] = {field.name: getattr(verdict, field.name) for field in fields(Verdict)}

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
-from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -13,13 +12,12 @@ import numpy as np
 from inc_casadi import INC, Plant, ReLU, Spec
 from inc_casadi.activations import Activation
 from inc_casadi.arrays import number
-from inc_casadi.certificate import Certificate, Proof
 from inc_casadi.errors import InvalidInputError
 from inc_casadi.estimate import Estimate, estimate
-from inc_casadi.regional_certificate import RegionalCertificate
 from inc_casadi.sets.rules import whole
 
 from .attempts import plan
+from .closing import ordeal, phase, remarks, settled
 from .door import check, given_laws, names_in, problem
 from .door import training_options as checked_options
 from .followups import Done, best_certified
@@ -118,27 +116,27 @@ def synthesize(plant: Any, spec: Spec, *, hidden: int = 8, activation: Activatio
     rounds = None if rounds is None else whole("rounds", rounds, 1)
     patience = None if proof_seconds is None else number("proof_seconds", proof_seconds, 0.0)
     took: dict[str, float] = {}
-    with _phase(took, "bounds"):
+    with phase(took, "bounds"):
         lower = lower_bounds(plant, spec, notes, progress)
         linear = competitors(plant, spec, seed, notes, progress)
         obstruction = no_stabilizing_gain(plant) if spec.inputs is not None else ""
     if obstruction:
         notes.append(obstruction + "; laws with a kink there are not tried")
         progress.say(notes[-1])
-    with _phase(took, "search and proof"):
+    with phase(took, "search and proof"):
         tasks = plan(plant, spec, 0 if obstruction else hidden, activation, kappa, seed, training_seconds, iterations,
                      names, given, left_alone, form, options)
         goal = Goal(floor(lower), tol, 1 if obstruction else rounds, began + progress.seconds)
         found = search(tasks, goal, executor, progress)
     best = _best(found.history)
-    with _phase(took, "simulation"):
+    with phase(took, "simulation"):
         run = _simulated(plant, spec, best, seed, progress)
     certificate = best.verdict.certificate if best and best.verdict else None
-    with _phase(took, "rigorous proof"):
-        proof = _settled(certificate, patience, notes, progress)
+    with phase(took, "rigorous proof"):
+        proof = settled(certificate, patience, notes, progress)
     took["in all"] = progress.elapsed
     history = tuple(one.attempt for one in found.history)
-    notes += _remarks(history, best, found.ended)
+    notes += remarks(history, best, found.ended)
     if certificate is None and not obstruction and not plant.full_state:
         notes.append(f"only static laws are tried: {with_memory()}")
     ended = f"{counted(len(history), 'attempt')} in {counted(found.rounds, 'round')}; " + (
@@ -152,19 +150,8 @@ def _best(history: Sequence[Done]) -> Attempt | None:
     certified = best_certified(history)
     if certified is not None:
         return certified.attempt
-    return min((one.attempt for one in history if one.attempt.estimate is not None), key=_ordeal, default=None)
-
-
-def _remarks(history: Sequence[Attempt], best: Attempt | None, ended: str) -> list[str]:
-    """What a reader must know besides: interruptions, time limits, and all reasons where nothing is certified."""
-    notes = [ended] if ended.startswith(("interrupted", "the executor")) else []
-    if best is None or not best.certified:
-        notes += [f"{one.name}: {reason}" for one in history if one is not best
-                  for reason in ([one.note] if one.verdict is None else one.verdict.refusals)]
-    timed = [one.name for one in history if one.timed]
-    if timed:
-        notes.append(f"cut short by a time limit, so that another machine may find another answer: {'; '.join(timed)}")
-    return notes
+    return min((one.attempt for one in history if one.attempt.estimate is not None),
+               key=lambda one: ordeal(one.estimate), default=None)
 
 
 def _simulated(plant: Plant, spec: Spec, best: Attempt | None, seed: int, progress: Progress) -> Estimate | None:
@@ -173,32 +160,3 @@ def _simulated(plant: Plant, spec: Spec, best: Attempt | None, seed: int, progre
         return None if best is None else best.estimate
     with progress.during("simulation"):
         return estimate(plant, best.inc, spec, seed=seed)
-
-
-def _settled(certificate: Certificate | None, limit: float | None, notes: list[str], progress: Progress) -> Proof | None:
-    if certificate is None:
-        return None
-    progress.say("settling the proof rigorously")
-    try:
-        with progress.during("the rigorous proof"):
-            regional = isinstance(certificate, RegionalCertificate)  # the others take moments
-            proof = certificate.prove(limit) if regional else certificate.prove()  # type: ignore[call-arg]
-    except KeyboardInterrupt:
-        notes.append("interrupted while the proof was settled rigorously: it holds in floating point")
-        return None
-    progress.say(f"proved rigorously: {proof.method}" if proof else f"not settled rigorously: {proof.reason}")
-    return proof
-
-
-def _ordeal(one: Attempt) -> tuple[bool, bool, float]:
-    """What simulation has against an attempt: no rest, a limit exceeded, the cost."""
-    assert one.estimate is not None
-    return not one.estimate.settled, one.estimate.excess > 1e-9, one.estimate.mean
-
-
-@contextmanager
-def _phase(seconds: dict[str, float], name: str) -> Iterator[None]:
-    """Put the wall time of a block into a table."""
-    start = time.monotonic()
-    yield
-    seconds[name] = time.monotonic() - start

@@ -25,8 +25,7 @@ from ..readings import Rounded
 from ..sets import Ellipsoid
 from ..spec import Spec
 from .clipping_walk import Clipping, Parts, clipping
-from .lyapunov import bounding_sum
-from .piece_inequalities import are_surely_met, failing, margins_of
+from .piece_inequalities import failing, margins_of, smallest_storages
 from .piece_loop import PieceLoop, piece_loop
 
 _UP = 1 + 1e-9  # covers the rounding of sums of a few thousand nonnegative numbers
@@ -200,10 +199,7 @@ def clipped_cost(plant: Any, spec: Spec, inc: INC) -> ClippedCost:
     loop = bare.loop
     if isinstance(loop, str):
         return bare
-    parts = loop.read(Rounded)
-    F, outputs = parts.F.value, parts.G.value
-    P = bounding_sum(F, loop.stage, spec.discount, lambda P: are_surely_met(loop, P, None))
-    W = bounding_sum(F, outputs.T @ loop.D @ outputs, 1.0, lambda W: are_surely_met(loop, None, W))
+    P, W = smallest_storages(loop, spec.discount)
     return replace(bare, P=P, W=W)
 
 

@@ -9,6 +9,7 @@ from ..certificate import EXACT, FLOAT
 from ..definite import definiteness, is_surely_positive, smallest_eigenvalue, with_sign
 from ..exact import is_positive_definite
 from ..readings import Rational, Rounded
+from .lyapunov import bounding_sum
 from .piece_loop import PieceLoop
 
 
@@ -65,3 +66,15 @@ def failing(loop: PieceLoop, P: Array | None, W: Array | None) -> tuple[str, str
 def _is_positive(loop: PieceLoop, P: Array | None, W: Array | None, name: str, condition: Rounded) -> bool:
     decided = definiteness(condition)
     return is_positive_definite(conditions(loop, P, W, Rational)[name].numbers) if decided is None else decided
+
+
+def smallest_storages(loop: PieceLoop, discount: float) -> tuple[Array | None, Array | None]:
+    """Return P = sum_k discount^k (F_s^k)'(Q + G'RG) F_s^k and W = sum_k (F^k)'O'D O F^k, None where a sum has no end.
+
+    Both raised by the least share from 1e-13 on that rounding allows to prove.
+    """
+    parts = loop.read(Rounded)
+    outputs = parts.G.value
+    P = bounding_sum(parts.step.value, loop.stage, discount, lambda P: are_surely_met(loop, P, None))
+    W = bounding_sum(parts.F.value, outputs.T @ loop.D @ outputs, 1.0, lambda W: are_surely_met(loop, None, W))
+    return P, W

@@ -24,8 +24,8 @@ from ..readings import Rounded
 from ..sets import Ellipsoid
 from ..spec import Spec
 from .input_limits import limits_broken
-from .lyapunov import bounding_sum, discounted_sum
-from .piece_inequalities import are_surely_met, failing, margins_of
+from .lyapunov import discounted_sum
+from .piece_inequalities import failing, margins_of, smallest_storages
 from .piece_loop import PieceLoop, piece_loop
 
 SETTLED = 1e-9  # share of the cost up to which a bound counts as the cost itself
@@ -208,10 +208,7 @@ def unswitched_cost(plant: Any, spec: Spec, inc: INC) -> UnswitchedCost:
     loop = bare.loop
     if isinstance(loop, str):
         return bare
-    parts = loop.read(Rounded)
-    F, outputs = parts.F.value, parts.G.value
-    P = bounding_sum(parts.step.value, loop.stage, spec.discount, lambda P: are_surely_met(loop, P, None))
-    W = bounding_sum(F, outputs.T @ loop.D @ outputs, 1.0, lambda W: are_surely_met(loop, None, W))
+    P, W = smallest_storages(loop, spec.discount)
     return replace(bare, P=P, W=W)
 
 

@@ -139,6 +139,14 @@ def test_interrupting_it_keeps_the_best_so_far(boundless, monkeypatch):
     assert found.status == "certified" and any(note.startswith("interrupted after 1 of 2") for note in found.notes)
 
 
+def test_an_interrupted_training_ends_the_search_with_what_it_had(boundless, monkeypatch):
+    made = dynamic_rounds.attempt_dynamic
+    monkeypatch.setattr(dynamic_rounds, "attempt_dynamic", lambda task: replace(made(task), note="interrupted"))
+    found = synthesize_dynamic(DOUBLE, SPEC, starts=FIRST, **QUICK)
+    assert found.status == "certified" and len(found.history) == 1
+    assert any(note.startswith("interrupted after 1 of 2") for note in found.notes)
+
+
 @pytest.mark.parametrize("changed, error, words", [
     ({"starts": ["nobody"]}, InvalidInputError, "nobody"), ({"starts": ()}, InvalidInputError, "nothing to try"),
     ({"start": INC.linear([[1.0, 1.0]])}, DimensionError, "start maps 2 measurements"),
